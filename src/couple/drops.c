@@ -33,6 +33,9 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscFunctionBeginUser;
   PetscCheck(!old, c->comm, PETSC_ERR_SUP,
              "Drops on a mesh whose cells are rebuilt are not possible yet: remove -mesh_track and -mesh_adapt");
+  PetscCheck(c->loc->dim == 2 || !c->loc->hang, c->comm, PETSC_ERR_SUP,
+             "Drops in space on cells of several sizes are not possible yet: remove -mesh_levels, and take smaller cells (-mesh_cells) or "
+             "-mesh_focus");
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
   PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
@@ -260,6 +263,8 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscFunctionBeginUser;
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
+  PetscCheck(c->loc->dim == 2 || !c->s->nall, c->comm, PETSC_ERR_SUP,
+             "Drops in space next to rigid particles are not possible yet: give each its own scene");
   PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
              "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
   PetscCheck(!c->s->nall || method == &method_penalty, c->comm, PETSC_ERR_SUP,
@@ -271,8 +276,6 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
   PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
              "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);
-  PetscCheck(c->loc->dim == 2 || !c->s->nall, c->comm, PETSC_ERR_SUP,
-             "Drops in space next to rigid particles are not possible yet: give each its own scene");
   PetscCheck(!c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
              "Drops next to elastic particles or scalars are not possible yet: give each its own scene");
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));

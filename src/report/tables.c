@@ -45,11 +45,15 @@ static const Dataset SOLIDS[] = {
 
 static const Dataset DROPS[] = {
   {"time", "time", "[1]", ""},
-  {"coordinates", "length", "[3 edges][3]", "of the interface at the end of the step; in one piece across a period"},
+  {"coordinates", "length", "[3 edges][3]",
+   "of the interface at the end of the step, in space [9 faces][3]; in one piece across a period"},
   {"edge", "", "[edges][3]", "first, last and middle point of a quadratic edge; edges of a curve follow each other"},
+  {"face", "", "[faces][9]",
+   "in space, in place of edges: corners, middles of sides and middle of a biquadratic face, counter-clockwise as seen "
+   "from outside"},
   {"drop", "", "[edges]", "number of the drop, as in drops.csv"},
   {"group", "", "[edges]", "number of its group among those that are fluids, from 0"},
-  {"curve", "", "[edges]", "number of the closed curve"},
+  {"curve", "", "[edges]", "number of the closed curve or surface"},
   {NULL, NULL, NULL, NULL},
 };
 

@@ -41,3 +41,52 @@ def test_static(drops):
     assert rows[-1]["volume"] == pytest.approx(4 * math.pi / 3 / 64, rel=2e-4) and abs(rows[-1]["volume_error"]) < 1e-10
     for name, place in zip("xyz", (0.503, 0.507, 0.496)):
         assert rows[-1][name] == pytest.approx(place, abs=1e-5)
+
+
+def test_carried(drops):
+    """Through a periodic box with a uniform flow, over its sides (two cells a radius): a ball that goes with the flow."""
+    rows, _ = drops("-mesh_periodic", "x,y,z", "-flow_velocity", "1,0.5,0.25", "-sim_dt", "0.025", "-sim_steps", "6", "-particle_drop_position", "0.9,0.5,0.1")
+    for row in rows:
+        for name, speed in (("u", 1), ("v", 0.5), ("w", 0.25)):
+            assert row[name] == pytest.approx(speed, abs=1e-4), name
+        assert 1 - row["sphericity"] < 5e-6 and abs(row["volume_error"]) < 1e-10
+    for name, place in (("x", 1.05), ("y", 0.575), ("z", 0.1375)):
+        assert (rows[-1][name] - place + 0.5) % 1 == pytest.approx(0.5, abs=1e-4), name
+
+
+FALLS = ["-mesh_cells", "6,6,6", "-particle_drop_radius", "0.33", "-flow_gravity", "0,-1,0", "-flow_solver", "direct"]
+
+
+def test_ranks(drops):
+    """The same on 1, 2 and 3 ranks; momentum balances."""
+    (one, series), *others = (drops(*FALLS, "-sim_steps", "2", "-monitor_momentum", ranks=ranks, folder=f"r{ranks}") for ranks in (1, 2, 3))
+    assert max(row["momentum_error"] for row in series) < 1e-12
+    for rows, _ in others:
+        for name in ("volume", "y", "v", "sphericity", "deformation"):
+            assert rows[-1][name] == pytest.approx(one[-1][name], rel=1e-7, abs=1e-9), name
+
+
+@pytest.mark.parametrize("stop", ["1", "2"])
+def test_restart(drops, stop):
+    """A run that stops and goes on has the bits of one that does not stop, after the first step too, whose mesh has the shape itself."""
+    options = [*FALLS, "-checkpoint_every", stop]
+    whole = drops(*options, "-sim_steps", "3", folder="whole")[0]
+    drops(*options, "-sim_steps", stop, folder="part")
+    assert drops(*options, "-sim_steps", "3", "-sim_restart", "latest", folder="part")[0] == whole and len(whole) == 3
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["-particle_drop_contact_angle", "60 deg"], "drops wet walls in the plane only so far"),
+        (["-flow_velocity_operator", "matrix_free"], "use -flow_velocity_operator assembled"),
+        (["-particle_groups", "drop,ball", "-particle_ball_shape", "circle", "-particle_ball_radius", "0.1", "-particle_ball_position", "0.2,0.2,0.2", "-particle_ball_free", "none"], "Drops in space next to rigid"),
+        (["-particle_drop_position", "0.9,0.5,0.5"], "reaches beyond a side of the domain"),
+        (["-particle_drop_radius", "0.1"], "cannot be lined up with the drops"),
+        (["-mesh_levels", "2", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Drops in space on cells of several sizes"),
+    ],
+)
+def test_refused(run, scene, options, message):
+    """What cannot be yet ends with one message that names the remedy."""
+    result = run([scene(SCENE), "-output_dir", "out", "-sim_steps", "1", *options])
+    assert result.status != 0 and message in result.err + result.out, str(result)

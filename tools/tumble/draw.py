@@ -230,7 +230,7 @@ def plane_bodies(run, shot):
 def find_drops(run, shot):
     """Closed lines [n][2] of the interface of drops in a plane run, parabolas on each edge, with their images across periodic boundaries."""
     drops, lines = shot.drops, []
-    if not drops:
+    if "edge" not in drops:
         return []
     place = np.linspace(-1, 1, 9)[:-1]
     shape = np.stack([place * (place - 1) / 2, place * (place + 1) / 2, 1 - place**2], 1)  # of the ends and the middle
@@ -244,6 +244,21 @@ def find_drops(run, shot):
 def split_names(text):
     """Words of an option that are separated by commas or blanks."""
     return text.replace(",", " ").split()
+
+
+def drop_triangles(shot):
+    """Points [n][3] and triangles [m][3] of the interface of drops in space, each biquadratic face by 4 x 4 pairs; None if there is none."""
+    drops = shot.drops
+    if "face" not in drops:
+        return None
+    lattice = drops["face"][:, [0, 4, 1, 7, 8, 5, 3, 6, 2]]  # corners, middles of sides and middle as rows of three
+    place = np.linspace(-1, 1, 5)
+    line = np.stack([place * (place - 1) / 2, 1 - place**2, place * (place + 1) / 2], 1)
+    shape = np.einsum("ti,sj->tsij", line, line).reshape(25, 9)
+    points = np.einsum("kj,ejx->ekx", shape, drops["coordinates"][lattice])
+    corner = np.array([5 * t + s for t in range(4) for s in range(4)])[:, None]
+    cells = np.concatenate([corner + [0, 1, 6], corner + [0, 6, 5]])
+    return points.reshape(-1, 3), (25 * np.arange(len(points))[:, None, None] + cells).reshape(-1, 3)
 
 
 # ---- slices through space ----
@@ -285,6 +300,11 @@ class Slice:
         if surface is not None:
             found.append((None, cut_triangles(*surface, self.axis, self.value)[:, :, self.across]))
         return found
+
+    def cut_drops(self, shot):
+        """Segments [n][2][2] of the interface of drops."""
+        surface = drop_triangles(shot)
+        return cut_triangles(*surface, self.axis, self.value)[:, :, self.across] if surface else np.empty((0, 2, 2))
 
 
 def read_plane(text):

@@ -348,15 +348,18 @@ class Snapshot:
 
     @functools.cached_property
     def drops(self) -> dict[str, np.ndarray]:
-        """The interface of drops at this time: coordinates [3 edges][3], edge [edges][3] (ends, middle), drop, group, curve [edges]; {} without."""
+        """The interface of drops at this time: coordinates [3 edges][3], edge [edges][3] (ends, middle), drop, group, curve [edges]; {} without.
+
+        In space faces in place of edges: face [faces][9] (corners, middles of sides, middle).
+        """
         path = self._path.with_name(f"drops_{self.step}.h5") if self._path and "phase" in self.names else None
         if not path or not path.exists():
             return {}
         with self._h5py.File(path) as file:
-            return {name: values[:] if name in ("coordinates", "edge") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
+            return {name: values[:] if name in ("coordinates", "edge", "face") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
 
     def pyvista(self, what: str = "fields"):
-        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds" and "drops": lines, as pyvista.PolyData.
+        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds" and "drops": lines (drops in space: faces), as pyvista.PolyData.
 
         shot.pyvista().plot(scalars="velocity"). Quadratic cells are drawn by their corners unless they are split: .tessellate().
         """
@@ -395,8 +398,12 @@ class Snapshot:
         drops = self.drops
         if not drops:
             raise ValueError("this snapshot has no drops")
-        edges = drops["edge"][:, [0, 2, 1]]  # end, middle, end
-        lines = pyvista.PolyData(drops["coordinates"].astype(float), lines=np.insert(edges, 0, 3, axis=1).ravel().astype(np.int64))
+        points = drops["coordinates"].astype(float)
+        if "face" in drops:
+            lines = pyvista.PolyData(points, np.insert(drops["face"][:, [0, 4, 1, 5, 2, 6, 3, 7]], 0, 8, axis=1).ravel().astype(np.int64))
+        else:
+            edges = drops["edge"][:, [0, 2, 1]]  # end, middle, end
+            lines = pyvista.PolyData(points, lines=np.insert(edges, 0, 3, axis=1).ravel().astype(np.int64))
         for name in ("drop", "group", "curve"):
             lines.cell_data[name] = drops[name]
         return lines
