@@ -73,7 +73,8 @@ typedef struct {
   PetscInt         npass;   /* surfaces that pass through a side of the domain */
   PetscInt         ncut;    /* corners of aligned surfaces that are not followed; in space, vertices off their edges */
   const PetscReal *rest;    /* [nnode_all][dim] of a fluid surface, else NULL: what vertices and middles are off it */
-  PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
+  PetscReal flat[3]; /* of a fluid surface that the mesh cannot follow: where its flattest cell is, before it moves */
+  PetscReal quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } AlignResult;
 
 /* The table of surfaces is borrowed, and what it says may change between fits. Collective. */

@@ -36,6 +36,7 @@ typedef struct {
   Drop            *drop;           /* [n] ascending numbers */
   PetscInt         numbers;        /* that have been given so far */
   PetscInt         merged, broken; /* events so far */
+  PetscInt         vanished;       /* group of a drop that has vanished, -1: none has */
   PetscReal        lost;           /* volume of drops that vanished so far */
   PetscReal        shift;          /* largest way along its normals that kept a volume in the last step, cells */
   PhaseInterface   interface;      /* at the end of the last step; nothing before the first */

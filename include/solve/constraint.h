@@ -55,6 +55,9 @@ PetscErrorCode ConstraintSetPairs(Constraint, PetscInt n, const PetscInt pair[][
    nodes, unknowns or centres changed since the last call (on any rank)? Collective. */
 PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[],
                                    const PetscReal U[], PetscBool *changed);
+/* Nodes of the mesh have moved: the next ConstraintSetBodies measures their arms anew, though bodies are where they
+   were. Local. */
+void ConstraintMoveNodes(Constraint);
 
 /* Velocity beside the rigid motion at nodes that lie in bodies, slip [nnode_all][dim], in c; NULL: none. Borrowed.
    Local. */

@@ -161,13 +161,35 @@ PetscErrorCode AlignOpenBadCorners(Align s, PetscBool *any)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A place of the flattest cells, the same on all ranks. Collective. */
+static PetscErrorCode find_flat(Align s, PetscReal x[3])
+{
+  const MeshLocal *l     = s->loc;
+  PetscReal        at[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, worst = PETSC_MAX_REAL, all;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < s->bad.n; e++) {
+    const PetscReal quality = AlignCellQuality(s, s->bad.i[e], NULL);
+
+    if (quality >= worst) continue;
+    worst = quality;
+    PetscCall(PetscArraycpy(at, l->x_start + l->dim * AlignCentre(s, s->bad.i[e]), l->dim));
+  }
+  PetscCall(MPIU_Allreduce(&worst, &all, 1, MPIU_REAL, MPIU_MIN, s->comm));
+  if (worst > all)
+    for (PetscInt a = 0; a < 3; a++) at[a] = -PETSC_MAX_REAL;
+  PetscCall(MPIU_Allreduce(at, x, 3, MPIU_REAL, MPIU_MAX, s->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AlignIsFollowed(Align s, PetscInt k, PetscBool strict, PetscBool *good)
 {
   const PetscReal volume = s->tally.inside[k];
 
   PetscFunctionBeginUser;
   *good = (PetscBool)(!s->tally.flags[k] && !(strict && s->tally.flags[s->n + k]) &&
-                      PetscAbsReal(s->tally.area[k] - volume) <= MISSING / (strict ? STRICT : 1) * volume);
+                      (s->pull || PetscAbsReal(s->tally.area[k] - volume) <= MISSING / (strict ? STRICT : 1) * volume));
+  if (!*good && s->pull) PetscCall(find_flat(s, s->flat));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -423,6 +423,7 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   result->rest = s->rest;
+  PetscCall(PetscArraycpy(result->flat, s->flat, 3));
   PetscCall(AlignPathFindSides(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));

@@ -116,6 +116,7 @@ struct _p_Align {
   PetscReal *depth; /* [nnode_all] distance at centre nodes of covered cells */
   PetscReal *pull, *rest; /* of fluid surfaces (NULL: there are none): part of the way that a vertex does not go, 0 to 1
                              [nnode_all]; what is left of it [nnode_all][dim] */
+  PetscReal  flat[3];     /* of fluid surfaces that could not be followed: place of the flattest cell */
   List       covered, marked, ring, touched, placed, bad;
   /* work between its parts */
   PetscReal   *work;     /* [nnode_all] zero between uses */

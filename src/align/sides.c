@@ -156,7 +156,7 @@ PetscErrorCode AlignFindPassages(Align s, const PetscBool wanted[])
 
     s->tally.passes[k] = s->surfaces->ends_on ? s->surfaces->ends_on[k] : 0;
     s->tally.inside[k] = s->surfaces->volume[k];
-    if (s->tally.passes[k]) continue;
+    if (s->tally.passes[k] || s->pull) continue; /* a fluid surface is cut short elsewhere */
     reaches(s, k, AlignCentreOf(s, k), &out, &round[k]);
     measured[k] = (PetscBool)(wanted[k] && !s->paths.is[k] && (out || round[k]));
     if (measured[k]) PetscCall(measure_surface(s, k, AlignCentreOf(s, k), depth[k], &volume[k]));

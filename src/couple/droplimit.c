@@ -9,31 +9,36 @@
 #define CAPILLARY 10
 #define VISCOUS   5 /* (mu_1 + mu_2) h/sigma */
 
-/* Largest speed of the interface: u at nodes between phases. Local. */
-static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, const PetscReal u[])
+/* Largest speed of the interface: at nodes between phases, now or `more` of the last change later. Local. */
+static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, PetscReal more, const PetscReal u[],
+                            const PetscReal u_old[])
 {
   PetscReal speed = 0;
 
   for (PetscInt e = 0; e < l->ncell * l->nb; e++) {
-    const PetscInt i = l->cell_node[e];
-
-    PetscReal square = 0;
+    const PetscInt i         = l->cell_node[e];
+    PetscReal      square[2] = {0, 0};
 
     if (f->cell_drop[e / l->nb] < 0 || !DropsIsInterface(l, f->cell_drop, i)) continue;
-    for (PetscInt a = 0; a < l->dim; a++) square += PetscSqr(u[l->dim * i + a]);
-    speed = PetscMax(speed, PetscSqrtReal(square));
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscReal v = u[l->dim * i + a];
+
+      square[0] += v * v;
+      square[1] += PetscSqr(v + more * (v - u_old[l->dim * i + a]));
+    }
+    speed = PetscMax(speed, PetscSqrtReal(PetscMax(square[0], square[1])));
   }
   return speed;
 }
 
 PetscErrorCode DropsLimitStep(CoupleDrops *f, Couple c, PetscReal *dt)
 {
-  const PetscReal h = c->loc->h;
-  PetscReal      *u, speed;
+  const PetscReal h = c->loc->h, before = c->step->dt;
+  PetscReal      *u, *u_old, speed;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
-  speed = find_speed(f, c->loc, u);
+  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  speed = find_speed(f, c->loc, f->first_order || before <= 0 ? 0 : PetscMin(1, *dt / before), u, u_old);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, c->comm));
   if (speed > 0) *dt = PetscMin(*dt, WAY * h / speed);
   for (PetscInt k = 0; k < f->s->n; k++) {

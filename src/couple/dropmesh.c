@@ -4,8 +4,10 @@
 #include "impl.h"
 #include "base/array.h"
 
-#define SHIFT  0.02 /* of the smallest cell: the most that the volume moves the interface in a step */
-#define PASSES 2
+#define SHIFT      0.02 /* of the smallest cell: the most that the volume moves the interface in a step, */
+#define BROKEN     0.1  /* and in one in which drops have broken up: the neck that vanished is given back at once */
+#define PASSES     2
+#define MIN_VOLUME 0.01 /* of a cell: that a part has, folded as it may be */
 
 /* Edges of a cell in the plane, the cell on their left */
 static const PetscInt ROUND[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}};
@@ -95,7 +97,7 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, P
 
     for (PetscInt k = 0; k < f->s->n; k++) {
       const Drop     *d    = f->s->drop + k;
-      const PetscReal most = SHIFT * c->loc->h / PASSES;
+      const PetscReal most = (f->broke ? BROKEN : SHIFT) * c->loc->h / PASSES;
       PetscReal       shift;
       PhaseSums       sums;
 
@@ -133,6 +135,7 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   PetscReal way;
 
   PetscFunctionBeginUser;
+  f->broke = PETSC_FALSE;
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
     f->starts = PETSC_TRUE;
@@ -177,7 +180,7 @@ static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
 /* Which drops the parts of the new mesh are */
 static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
 {
-  PetscInt      *part, n, *number;
+  PetscInt      *part, n, *number, before;
   PetscReal     *volume;
   PhaseInterface now;
   PetscBool      changed;
@@ -191,13 +194,15 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
     PhaseSums sums;
 
     PhaseInterfaceMeasure(&now, i, &sums);
-    volume[i] = sums.area;
+    volume[i] = PetscMax(sums.area, MIN_VOLUME * PetscPowRealInt(c->loc->h, (int)c->loc->dim));
   }
+  before = f->s->broken;
   PetscCall(DropsInherit(f->drops, &f->interface, &now, n, volume, number, &changed));
-  if (f->starts) { /* parts of a region are no event; drops that overlap are one, of the volume that both have */
-    f->s->merged = f->s->broken = 0;
-    for (PetscInt i = 0; i < n && changed; i++) f->s->drop[DropsFind(f->s, number[i])].target = volume[i];
-  }
+  f->broke = (PetscBool)(f->s->broken > before);
+  if (f->starts) PetscCall(DropsCheckStart(f, c, n, volume, number));
+  PetscCheck(f->s->n, c->comm, PETSC_ERR_USER_INPUT,
+             "The last drop has vanished at t = %g: it had no cell's middle in it any more: use smaller cells (-mesh_cells)",
+             (double)c->step->time);
   if (changed && !f->starts) PetscCall(begin_anew(f, c));
   f->starts = PETSC_FALSE;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
@@ -220,10 +225,7 @@ static PetscErrorCode fit(CoupleDrops *f, Couple c)
              "A drop reaches beyond a side of the domain at t = %g: move it (-particle_<group>_position), or the side (-mesh_upper, -mesh_lower), or have it wet walls "
              "of type slip (-particle_<group>_contact_angle)",
              (double)c->step->time);
-  PetscCheck(aligned[0], c->comm, PETSC_ERR_USER_INPUT,
-             "The mesh cannot be lined up with the drops at t = %g: a drop needs two cells a radius and more, a cell between it and what it does not wet, and goes half "
-             "a cell a step: use smaller cells (-mesh_cells) or steps (-sim_dt)",
-             (double)c->step->time);
+  if (!aligned[0]) PetscCall(DropsStop(f, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -245,6 +247,7 @@ PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
                                                                .value    = value}));
   PetscCall(PetscFree(node));
   PetscCall(PetscFree(value));
+  ConstraintMoveNodes(c->constraint);
   PetscCall(name_drops(f, c));
   PetscCall(DropsSetProperties(f, c));
   PetscCall(FlowSetMeshVelocity(c->flow, f->velocity));

@@ -156,6 +156,7 @@ static PetscErrorCode solved(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCall(DropsAccept((CoupleDrops *)data, c, c->field.u));
+  PetscCall(DropsCheckVolumes((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -36,6 +36,7 @@ typedef struct CoupleDrops {
   Remap          remap;
   PetscBool      first_order;         /* the last step was */
   PetscBool      starts;              /* the first mesh is being made */
+  PetscBool      broke;               /* a drop has broken up on the present mesh */
   PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
   PetscReal     *slip_length;         /* [4] of these, 0: free slip */
@@ -104,6 +105,14 @@ PetscErrorCode DropsGatherSheet(CoupleDrops *, Couple, const PetscInt cell_drop[
 void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9]);
 /* The sheet of the checkpoint. Collective. */
 PetscErrorCode DropsVisitSheet(State, PhaseSheet *);
+/* dropcause.c. Error: the mesh cannot be lined up, and why. Collective. */
+PetscErrorCode DropsStop(CoupleDrops *, Couple);
+/* Error: a drop is so far off its volume that its run means nothing, and why. After DropsAccept. Collective. */
+PetscErrorCode DropsCheckVolumes(CoupleDrops *, Couple);
+/* On the first mesh: what of the drops' volume [parts] is not that of their shapes becomes their target, and is told.
+   Collective. Error: a group has no cell. */
+PetscErrorCode DropsCheckStart(CoupleDrops *, Couple, PetscInt parts, const PetscReal volume[],
+                               const PetscInt number[]);
 /* dropparts.c. part [ncell_all]: number of the connected part of the cells that are in the surface, -1: none. *n: how
    many there are. Collective. */
 PetscErrorCode DropsFindParts(Couple, const PetscInt cell_surface[], PetscInt part[], PetscInt *n);

@@ -9,14 +9,17 @@
 #include "fem/gauss.h"
 #include "fem/side.h"
 
+#define MIN_EDGE 1e-3 /* of a cell: half the length of the shortest edges that tension knows */
+
 /* u* at node i: the velocity that the prediction used */
 static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
 {
   return s->order == 1 || s->dt_old <= 0 ? u[i] : u[i] + s->dt / s->dt_old * (u[i] - u_old[i]);
 }
 
-/* K [3][3] = sigma int dphi_i/ds dphi_j/ds ds over an edge with nodes x */
-static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
+/* K [3][3] = sigma int dphi_i/ds dphi_j/ds ds over an edge with nodes x, as if it were nowhere shorter than `shortest`:
+   where an interface is cut short two vertices may have the same place on it */
+static void edge_matrix(PetscReal sigma, PetscReal shortest, PetscReal x[3][2], PetscReal K[3][3])
 {
   for (PetscInt i = 0; i < 9; i++) K[i / 3][i % 3] = 0;
   for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
@@ -26,7 +29,8 @@ static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
     for (PetscInt j = 0; j < 3; j++)
       for (PetscInt a = 0; a < 2; a++) t[a] += dv[j] * x[j][a];
     for (PetscInt i = 0; i < 9; i++)
-      K[i / 3][i % 3] += sigma * EDGE_WEIGHT[g] * dv[i / 3] * dv[i % 3] / PetscHypotReal(t[0], t[1]);
+      K[i / 3][i % 3] += sigma * EDGE_WEIGHT[g] * dv[i / 3] * dv[i % 3] /
+                         PetscMax(shortest, PetscHypotReal(t[0], t[1]));
   }
 }
 
@@ -49,7 +53,7 @@ static void side_matrix(const MeshLocal *l, PetscReal sigma, PetscInt n, const P
   PetscReal x[27];
 
   for (PetscInt j = 0; j < n * l->dim; j++) x[j] = xc[l->dim * slot[j / l->dim] + j % l->dim];
-  if (l->dim == 2) edge_matrix(sigma, (PetscReal(*)[2])x, (PetscReal(*)[3])K);
+  if (l->dim == 2) edge_matrix(sigma, MIN_EDGE * l->h, (PetscReal(*)[2])x, (PetscReal(*)[3])K);
   else DropsFaceMatrix(sigma, (PetscReal(*)[3])x, (PetscReal(*)[9])K);
 }
 

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
+#include "base/log.h"
 #include "base/opt.h"
 #include "shape/host.h"
 #include "shape/material.h"
@@ -9,6 +10,8 @@
 #define FINE      20 /* edges of the curve at the start in a cell's length */
 #define MIN_EDGES 64 /* such edges of a drop */
 #define MAX_EDGES 2000
+#define TOLD      0.999 /* of its volume: with less of it in the domain it is told, */
+#define NOTHING   1e-6  /* and with less than this there is none */
 
 typedef struct {
   PetscInt   n, capacity;
@@ -96,8 +99,9 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&d));
-  d->comm = comm;
-  *drops  = d;
+  d->comm       = comm;
+  d->s.vanished = -1;
+  *drops        = d;
   PetscCall(list_groups(d));
   if (!d->s.ngroups) {
     PetscCall(DropsDestroy(drops));
@@ -177,6 +181,39 @@ static PetscErrorCode sample(const DropGroup *g, PetscReal h, PetscInt *n, Petsc
     (*x)[2 * i + 1] = g->x[1] + s * r[0] + c * r[1];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal area_of(PetscInt n, const PetscReal x[])
+{
+  PetscReal sum = 0;
+
+  for (PetscInt i = 0, j = n - 1; i < n; j = i++) sum += 0.5 * (x[2 * j] * x[2 * i + 1] - x[2 * j + 1] * x[2 * i]);
+  return sum;
+}
+
+/* Of n points of a line round a shape, those beyond or near a side that it does not wet go to where a film of a cell
+   begins; those that then coincide are left out, an even number stays */
+static PetscInt cut_short(const PhaseBox *box, PetscInt n, PetscReal x[])
+{
+  PetscInt m = 0;
+
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal y[2];
+
+    for (PetscInt a = 0; a < 2; a++) {
+      const PetscBool bound = (PetscBool)(box->period[a] == 0);
+
+      y[a] = x[2 * i + a];
+      if (bound && !(box->wets >> 2 * a & 1)) y[a] = PetscMax(y[a], box->lower[a] + box->h);
+      if (bound && !(box->wets >> (2 * a + 1) & 1)) y[a] = PetscMin(y[a], box->upper[a] - box->h);
+    }
+    if (m && y[0] == x[2 * m - 2] && y[1] == x[2 * m - 1]) continue;
+    x[2 * m]     = y[0];
+    x[2 * m + 1] = y[1];
+    m++;
+  }
+  while (m > 1 && x[0] == x[2 * m - 2] && x[1] == x[2 * m - 1]) m--;
+  return m - m % 2;
 }
 
 /* Does any of it lie beyond a side of the box? */
@@ -268,7 +305,19 @@ static PetscErrorCode add_group(Drops d, PetscInt g, const PhaseBox *box, Edges 
   PetscInt       n     = 0;
 
   PetscFunctionBeginUser;
-  if (group->shape) PetscCall(sample(group, box->h, &n, &x));
+  if (group->shape) {
+    PetscReal whole;
+
+    PetscCall(sample(group, box->h, &n, &x));
+    whole = area_of(n, x);
+    n     = cut_short(box, n, x);
+    if (area_of(n, x) < TOLD * whole)
+      PetscCall(
+        LogRemark("the fluid '%s' reaches within a cell of a side of the domain that it does not wet: it is cut short there, and starts with %.4g of its "
+                  "volume: move it (-particle_%s_position), or have it wet the side (-particle_%s_contact_angle)",
+                  group->name, (double)(area_of(n, x) / whole), group->name, group->name));
+    if (area_of(n, x) < NOTHING * whole) n = 0;
+  }
   if (group->shape && !reaches_out(box, n, x)) PetscCall(add_line(g, n, x, all));
   else
     PetscCall(

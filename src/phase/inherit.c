@@ -117,8 +117,10 @@ static PetscBool count_events(DropsState *s, const Descent *d)
       if (root_of(d, j) == i) *(j < d->nold ? &olds : &parts) += 1;
     if (olds == 1 && parts == 1) continue;
     changed = PETSC_TRUE;
-    if (!parts) s->lost += s->drop[i].target;
-    else {
+    if (!parts) {
+      s->lost += s->drop[i].target;
+      s->vanished = s->drop[i].group;
+    } else {
       s->merged += PetscMax(0, olds - parts);
       s->broken += PetscMax(0, parts - PetscMax(1, olds));
     }

@@ -184,6 +184,7 @@ def test_sloshing(drops):
     assert error.max() < 0.02 and a.min() < -0.8
 
 
+OTHER = [("shape", "circle"), ("radius", "0.15"), ("position", "0.5,0.8"), ("material", "fluid"), ("density", "100"), ("viscosity", "1"), ("surface_tension", "24.5")]
 BESIDE = """
 mesh: {cells: [16, 32], upper: [1, 2]}
 flow: {density: 1000, viscosity: 10, gravity: [0, -0.98], solver: direct}
@@ -239,6 +240,33 @@ def test_beside_ranks_and_refusal(run, scene):
     assert result.status and "-couple_method penalty" in result.err and result.err.count("error:") == 1, str(result)
 
 
+def test_checkpoint_beside_falling_disc(run, scene):
+    """A checkpoint changes nothing of a disc that turns beside a drop: arms of nodes that the drop has moved are measured anew."""
+    options = ["-particle_disc_free", "all", "-particle_disc_density", "3000", "-particle_disc_position", "0.56,1.34", "-sim_steps", "10"]
+    options += ["-particle_drop_position", "0.45,1", "-particle_drop_density", "1000", "-particle_drop_viscosity", "10", "-particle_drop_surface_tension", "0"]
+    speeds = []
+    for more, folder in ((["-checkpoint_every", "8"], "with"), ([], "without")):
+        result = run([scene(BESIDE), "-output_dir", folder, *options, *more])
+        assert result.status == 0, str(result)
+        speeds.append([tumble.open(result.folder / folder).bodies[name][-1] for name in ("u", "v", "omega_z")])
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)  # the disc turned 5 % slower before
+
+
+@pytest.mark.parametrize(
+    "options, remark, volume",
+    [
+        (["-particle_bubble_position", "0.5,0.15"], "reaches within a cell of a side", 0.1413),
+        (["-particle_groups", "bubble,other", *sum([[f"-particle_other_{name}", value] for name, value in OTHER], [])], "start as one with another", 0.2498),
+    ],
+)
+def test_start(run, options, remark, volume):
+    """Drops that reach a side, or overlap, start as what the mesh can have of them, and that is told."""
+    result = run([RUNS / "bubble-rising.yaml", "-output_dir", "out", "-mesh_cells", "16,32", "-sim_steps", "2", "-output_every", "0", *options])
+    assert result.status == 0 and remark in result.err + result.out, str(result)
+    drops = tumble.open(result.folder / "out").drops
+    assert drops["volume"] == pytest.approx([volume] * 2, rel=0.02) and max(abs(error) for error in drops["volume_error"]) < 1e-3
+
+
 @pytest.mark.parametrize("scene, options", [("bubble-rising", ["-mesh_cells", "10,20", "-sim_dt", "0.04"]), ("contact-angle", ["-mesh_cells", "16,8", "-sim_dt", "0.02"])])
 def test_energy(drops, scene, options):
     """Energy of fluid and interface is what was supplied less what viscosity, friction and the scheme took."""
@@ -258,7 +286,7 @@ def test_energy(drops, scene, options):
         (["-couple_method", "penalty"], "use aligned"),
         (["-sim_adapt", "true"], "cannot be taken again"),
         (["-particle_bubble_place", "random"], "one a group"),
-        (["-particle_bubble_radius", "0.02"], "cannot be lined up"),
+        (["-particle_bubble_radius", "0.02"], "no cell for the fluid 'bubble'"),
         (["-particle_bubble_free", "none"], "-particle_bubble_free"),
         (["-particle_bubble_region", "x-0.5"], "remove one of them"),
         (["-particle_bubble_contact_angle", "5 deg"], "-particle_bubble_contact_angle"),

@@ -250,6 +250,11 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void ConstraintMoveNodes(Constraint c)
+{
+  c->wanted.changed = PETSC_TRUE;
+}
+
 PetscErrorCode ConstraintSetSlip(Constraint c, const PetscReal slip[])
 {
   PetscFunctionBeginUser;
