@@ -1,8 +1,9 @@
 /* SolidMesh: the reference mesh of an elastic solid, Q2 cells that fill a shape.
 
    A small box mesh around the shape, in its own frame, is lined up with its surface (align/align.h); the cells inside
-   stay. Vertices are where the fit puts them, nodes between two vertices of the surface lie on it, all others in the
-   middle. Quadrature: 3 Gauss points an axis. Every rank makes the same mesh: nothing is collective. In the plane. */
+   stay. Vertices are where the fit puts them; in the plane nodes between two vertices of the surface lie on it, all
+   others in the middle; in space all are where the fit puts them. Quadrature: 3 Gauss points an axis. Every rank makes
+   the same mesh: nothing is collective. */
 #pragma once
 #include "shape.h"
 
@@ -10,7 +11,9 @@ typedef struct {
   PetscInt   dim, nb, nq; /* nodes and quadrature points of a cell: 3^dim */
   PetscInt   nnode, ncell, nside;
   PetscInt  *cell_node; /* [ncell][nb], in the order of fem/element.h */
-  PetscInt  *side;      /* [nside][3] nodes along each edge of the surface, the solid on its left */
+  PetscInt   nb_side;   /* nodes of a side: 3 in the plane, 9 in space */
+  PetscInt  *side;      /* [nside][nb_side] nodes of the surface: along an edge, the solid on its left; of a face, node j
+                           at (j % 3, j/3), these two directions and the normal outwards right-handed */
   PetscReal *X;         /* [nnode][dim] about the centroid of the shape */
   PetscReal *phi;       /* [nq][nb] basis at the quadrature points */
   PetscReal *grad;      /* [ncell][nq][nb][dim] its gradients in the reference frame */

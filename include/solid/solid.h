@@ -44,7 +44,7 @@ typedef struct _p_Solids *Solids;
 
 /* Read the options of all elastic groups, make their meshes (cells of `size` unless they say otherwise) and place
    their solids; *solids is NULL if there are none. period [3]: of the domain. Collective. Errors: a shape that cannot
-   be followed, options that contradict each other, three dimensions. */
+   be followed, options that contradict each other. */
 PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, Solids *);
 PetscErrorCode SolidsDestroy(Solids *);
 PetscErrorCode SolidsGetState(Solids, SolidsState **);

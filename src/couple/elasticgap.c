@@ -310,6 +310,7 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   e->contacts.n = 0;
+  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(c->loc->nnode_all, &on));
   PetscCall(mark_boundaries(c, on));
   PetscCall(ElasticSurfacesSet(e->surfaces, e->x));

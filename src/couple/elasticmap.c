@@ -127,11 +127,13 @@ static PetscErrorCode stop_lost(Elastic *e, Couple c, PetscInt i)
 {
   PetscInt          k, node;
   const SolidGroup *g = group_of_node(e->s, i, &k, &node);
+  char              third[32] = "";
 
   PetscFunctionBeginUser;
+  if (e->s->dim == 3) (void)snprintf(third, sizeof(third), ", %g", (double)e->x[3 * i + 2]);
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
-          "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g): keep it inside, or lower -sim_dt (%g)",
-          g->name, (double)c->step->time, (double)e->x[e->s->dim * i], (double)e->x[e->s->dim * i + 1],
+          "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g%s): keep it inside, or lower -sim_dt (%g)",
+          g->name, (double)c->step->time, (double)e->x[e->s->dim * i], (double)e->x[e->s->dim * i + 1], third,
           (double)c->step->dt);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -169,7 +171,8 @@ static PetscErrorCode remark_coarse(Elastic *e, Couple c)
     g = (PetscInt)(group_of_node(s, i, &k, &node) - s->group);
     PetscCall(MeshCellCoordinates(c->mesh, e->node.cell[i], xc));
     ElementMap(s->dim, xc, e->node.xi + s->dim * i, x, J);
-    size[2 * g] += 2 * PetscSqrtReal(PetscAbsReal(DenseDeterminant(s->dim, J)));
+    size[2 * g] += 2 * (s->dim == 2 ? PetscSqrtReal(PetscAbsReal(DenseDeterminant(2, J)))
+                                    : PetscCbrtReal(PetscAbsReal(DenseDeterminant(3, J))));
     size[2 * g + 1] += 1;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, (PetscMPIInt)(2 * s->ngroups), MPIU_REAL, MPIU_SUM, c->comm));

@@ -1,6 +1,8 @@
 /* ElasticSurfaces: see elasticsurfaces.h. */
 #include "compat.h"
+#include "elasticfaces.h"
 #include "elasticsurfaces.h"
+#include "base/algebra.h"
 #include "fem/edge.h"
 #include "fem/element.h"
 
@@ -18,7 +20,8 @@ struct _p_ElasticSurfaces {
   PetscInt          *first; /* [n + 1] sides of a solid */
   Side              *side;
   PetscInt          *corner, *first_corner; /* nodes; [n + 1] */
-  PetscReal         *x;                     /* [nnode][2] */
+  ElasticFaces       faces;                 /* in space, where there are no edges; NULL: in the plane */
+  PetscReal         *x;                     /* [nnode][dim] */
   PetscInt          *number;
   PetscBool         *own, *inactive;
   PetscReal (*centre)[3], *radius, *round, *volume;
@@ -120,6 +123,36 @@ static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt max, PetscInt *m, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode distance_in_space(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
+                                        PetscReal d[])
+{
+  const struct _p_ElasticSurfaces *b = (const struct _p_ElasticSurfaces *)ctx;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m; i++) {
+    PetscReal       r[3];
+    FacePoint       y;
+    const PetscInt *face;
+
+    for (PetscInt a = 0; a < 3; a++) r[a] = x[3 * i + a] - at[a] + b->centre[k][a];
+    d[i] = ElasticFacesNearest(b->faces, k, r, &y, &face);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode project_in_space(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m; i++) {
+    FacePoint       at;
+    const PetscInt *face;
+
+    (void)ElasticFacesNearest(((struct _p_ElasticSurfaces *)ctx)->faces, k, x + 3 * i, &at, &face);
+    PetscCall(PetscArraycpy(y + 3 * i, at.x, 3));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- life cycle ---- */
 
 /* Sides of all solids, who is next to whom, and nodes where the reference mesh has a corner */
@@ -168,11 +201,13 @@ PetscErrorCode ElasticSurfacesCreate(const SolidsState *s, ElasticSurfaces *surf
   b->s = s;
   PetscCall(PetscMalloc2(s->n + 1, &b->first, s->n + 1, &b->first_corner));
   b->first[0] = 0;
-  for (PetscInt k = 0; k < s->n; k++) b->first[k + 1] = b->first[k] + s->group[s->group_of[k]].mesh.nside;
-  PetscCall(PetscMalloc3(b->first[s->n], &b->side, b->first[s->n], &b->corner, 2 * s->nnode, &b->x));
+  for (PetscInt k = 0; k < s->n; k++)
+    b->first[k + 1] = b->first[k] + (s->dim == 2 ? s->group[s->group_of[k]].mesh.nside : 0);
+  PetscCall(PetscMalloc3(b->first[s->n], &b->side, b->first[s->n], &b->corner, s->dim * s->nnode, &b->x));
   PetscCall(PetscCalloc7(s->n, &b->number, s->n, &b->own, s->n, &b->inactive, s->n, &b->centre, s->n, &b->radius, s->n,
                          &b->round, s->n, &b->volume));
-  PetscCall(list_sides(b));
+  if (s->dim == 2) PetscCall(list_sides(b));
+  else PetscCall(ElasticFacesCreate(s, &b->faces));
   for (PetscInt k = 0; k < s->n; k++) {
     b->number[k] = k;
     b->own[k]    = PETSC_TRUE;
@@ -187,9 +222,9 @@ PetscErrorCode ElasticSurfacesCreate(const SolidsState *s, ElasticSurfaces *surf
                              .radius          = b->radius,
                              .round           = b->round,
                              .volume          = b->volume,
-                             .distance        = distance,
-                             .project         = project,
-                             .corners         = corners};
+                             .distance        = s->dim == 2 ? distance : distance_in_space,
+                             .project         = s->dim == 2 ? project : project_in_space,
+                             .corners         = s->dim == 2 ? corners : NULL};
   for (PetscInt k = 0; k < s->n; k++) /* stretched twice it would still be known */
     b->table.largest = PetscMax(b->table.largest, 2 * s->group[s->group_of[k]].mesh.radius);
   *surfaces = b;
@@ -202,6 +237,7 @@ PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *surfaces)
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ElasticFacesDestroy(&b->faces));
   PetscCall(PetscFree2(b->first, b->first_corner));
   PetscCall(PetscFree3(b->side, b->corner, b->x));
   PetscCall(PetscFree7(b->number, b->own, b->inactive, b->centre, b->radius, b->round, b->volume));
@@ -209,30 +245,49 @@ PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *surfaces)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The circles around the edges of solid k */
+static void set_sides(ElasticSurfaces b, PetscInt k)
+{
+  for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
+    Side     *side = b->side + e;
+    PetscReal p[3][2];
+
+    points_of(b, side, p);
+    for (PetscInt a = 0; a < 2; a++) side->middle[a] = p[1][a];
+    side->half = EdgeRadius(p);
+    for (PetscInt j = 0; j < 3; j++)
+      b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(EdgeDistance2(p[j], b->centre[k])));
+  }
+}
+
+/* In space: the ball of all nodes, with some room for what bulges between them */
+static void set_ball(ElasticSurfaces b, PetscInt k)
+{
+  for (PetscInt i = b->s->first[k]; i < b->s->first[k + 1]; i++) {
+    PetscReal r[3];
+
+    for (PetscInt a = 0; a < 3; a++) r[a] = b->x[3 * i + a] - b->centre[k][a];
+    b->radius[k] = PetscMax(b->radius[k], 1.01 * PetscSqrtReal(dot3(r, r)));
+  }
+}
+
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
 {
   const SolidsState *s = b->s;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(b->x, x, 2 * s->nnode));
+  PetscCall(PetscArraycpy(b->x, x, s->dim * s->nnode));
+  if (b->faces) ElasticFacesSet(b->faces, b->x);
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidGroup *g = s->group + s->group_of[k];
     SolidSums         sums;
 
-    SolidMeasure(&g->mesh, &g->material, x + 2 * s->first[k], &sums);
+    SolidMeasure(&g->mesh, &g->material, x + s->dim * s->first[k], &sums);
     b->volume[k] = sums.volume;
     b->radius[k] = 0;
-    for (PetscInt a = 0; a < 2; a++) b->centre[k][a] = sums.centroid[a];
-    for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
-      Side     *side = b->side + e;
-      PetscReal p[3][2];
-
-      points_of(b, side, p);
-      for (PetscInt a = 0; a < 2; a++) side->middle[a] = p[1][a];
-      side->half = EdgeRadius(p);
-      for (PetscInt j = 0; j < 3; j++)
-        b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(EdgeDistance2(p[j], b->centre[k])));
-    }
+    for (PetscInt a = 0; a < s->dim; a++) b->centre[k][a] = sums.centroid[a];
+    if (b->faces) set_ball(b, k);
+    else set_sides(b, k);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

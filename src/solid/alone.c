@@ -33,7 +33,7 @@ static PetscErrorCode create_newton(const SolidMesh *m, SolidNewton *w)
   PC             pc;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 25 * m->dim, NULL, &w->J));
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, SOLID_ROW(m->dim), NULL, &w->J));
   PetscCall(MatSetOption(w->J, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(w->J, &w->d, &w->r));
   PetscCall(KSPCreate(PETSC_COMM_SELF, &w->ksp));

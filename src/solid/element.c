@@ -2,6 +2,9 @@
 #include "compat.h"
 #include "solid/element.h"
 #include "base/algebra.h"
+#include "space.h"
+
+static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COLUMN[6] = {0, 1, 2, 1, 2, 2}; /* of a symmetric tensor */
 
 PetscReal SolidGradient(const SolidMesh *m, PetscInt c, PetscInt q, const PetscReal x[], PetscReal F[])
 {
@@ -96,20 +99,11 @@ void SolidCellViscosity(const SolidMesh *m, PetscInt c, const PetscReal x[], Pet
   }
 }
 
-/* Largest singular value of F in the plane */
-static PetscReal largest_stretch(const PetscReal F[4])
-{
-  const PetscReal sum = PetscHypotReal(F[0] + F[3], F[2] - F[1]), diff = PetscHypotReal(F[0] - F[3], F[1] + F[2]);
-
-  return 0.5 * (sum + diff);
-}
-
 /* Second moments from those about the origin, the volume and the centroid */
 static void shift_moments(PetscInt dim, SolidSums *s)
 {
   for (PetscInt a = 0; a < dim; a++) s->centroid[a] /= s->volume;
-  for (PetscInt a = 0; a < dim; a++) s->second[a] -= s->volume * PetscSqr(s->centroid[a]);
-  s->second[3] -= s->volume * s->centroid[0] * s->centroid[1];
+  for (PetscInt e = 0; e < 6; e++) s->second[e] -= s->volume * (s->centroid[ROW[e]] * s->centroid[COLUMN[e]]);
 }
 
 void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const PetscReal x[], SolidSums *s)
@@ -130,13 +124,12 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
         for (PetscInt a = 0; a < dim; a++) at[a] += m->phi[q * nb + j] * xc[dim * j + a];
       s->volume += w * J;
       for (PetscInt a = 0; a < dim; a++) s->centroid[a] += w * J * at[a];
-      for (PetscInt a = 0; a < dim; a++) s->second[a] += w * J * at[a] * at[a];
-      s->second[3] += w * J * at[0] * at[1];
+      for (PetscInt e = 0; e < 6; e++) s->second[e] += w * J * at[ROW[e]] * at[COLUMN[e]];
       for (PetscInt e = 0; e < dim * dim; e++) mean[e] += w * F[e];
       s->strain_energy += w * SolidLawEnergy(dim, material, F);
-      if (dim == 2) s->stretch_max = PetscMax(s->stretch_max, largest_stretch(F));
+      s->stretch_max = PetscMax(s->stretch_max, SolidLargestStretch(dim, F));
     }
   }
   shift_moments(dim, s);
-  s->rotation = PetscAtan2Real(mean[dim] - mean[1], mean[0] + mean[dim + 1]);
+  if (dim == 2) s->rotation = PetscAtan2Real(mean[dim] - mean[1], mean[0] + mean[dim + 1]);
 }

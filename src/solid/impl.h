@@ -18,6 +18,6 @@ struct _p_Solids {
   SolidNewton *newton; /* [n] NULL: none so far */
 };
 
-/* Position x [dim] of the centroid and angle of the solid of a group. */
-PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscReal x[], PetscReal *angle);
+/* Position x [dim] of the centroid of the solid of a group, and what turns its frame into space, R [3][3]. */
+PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscReal x[], PetscReal R[9]);
 PetscErrorCode SolidNewtonDestroy(Solids);

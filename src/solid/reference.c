@@ -7,6 +7,7 @@
 #include "fem/gauss.h"
 #include "mesh/mesh.h"
 #include "shape/host.h"
+#include "space.h"
 
 #define MARGIN    5    /* cells of the box mesh beyond the shape: what follows a surface, and one more */
 #define SAMPLES   2000 /* points that tell the box around a shape */
@@ -170,6 +171,7 @@ static PetscErrorCode find_sides(SolidMesh *m)
   PetscCall(PetscCalloc1(m->nnode, &cells));
   for (PetscInt e = 0; e < m->ncell * 4; e++) cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]]++;
   for (PetscInt e = 0; e < m->ncell * 4; e++) m->nside += cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]] == 1;
+  m->nb_side = 3;
   PetscCall(PetscMalloc1(3 * m->nside, &m->side));
   m->nside = 0;
   for (PetscInt e = 0; e < m->ncell * 4; e++) {
@@ -202,6 +204,7 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
     m->radius = PetscMax(m->radius, PetscSqrtReal(r));
   }
   if (dim == 2) PetscCall(find_sides(m));
+  else PetscCall(SolidFindFaces(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -237,13 +240,13 @@ static PetscErrorCode take_inside(Mesh mesh, const Figure *f, const AlignResult 
   PetscCall(PetscMalloc3(l->nnode_all, &number, l->ncell_all * l->nb, &cell_node, l->nnode_all * dim, &X));
   for (PetscInt i = 0; i < l->nnode_all; i++) number[i] = -1;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal x[2 * 9];
-    PetscBool on[9];
+    PetscReal x[3 * 27];
+    PetscBool on[27];
 
     if (r->cell_surface[c] < 0) continue;
     PetscCall(MeshCellCoordinates(mesh, c, x));
     for (PetscInt j = 0; j < l->nb; j++) on[j] = r->on_wall[l->cell_node[c * l->nb + j]];
-    PetscCall(place_middles(f->shape, on, x));
+    if (dim == 2) PetscCall(place_middles(f->shape, on, x));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt i = l->cell_node[c * l->nb + j];
 

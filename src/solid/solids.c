@@ -167,18 +167,15 @@ static PetscErrorCode number_solids(Solids b)
 static PetscErrorCode place_solid(Solids b, SolidGroup *g)
 {
   const PetscInt dim = b->s.dim;
-  PetscReal     *at = b->s.X + dim * b->first[g->first], x[3] = {0}, angle, c, sn;
+  PetscReal     *at = b->s.X + dim * b->first[g->first], x[3] = {0}, R[9];
 
   PetscFunctionBeginUser;
-  PetscCall(SolidGroupPlace(g, dim, x, &angle));
-  c  = PetscCosReal(angle);
-  sn = PetscSinReal(angle);
-  for (PetscInt j = 0; j < g->mesh.nnode; j++) {
-    const PetscReal *X = g->mesh.X + dim * j;
-
-    at[dim * j]     = x[0] + c * X[0] - sn * X[1];
-    at[dim * j + 1] = x[1] + sn * X[0] + c * X[1];
-  }
+  PetscCall(SolidGroupPlace(g, dim, x, R));
+  for (PetscInt j = 0; j < g->mesh.nnode; j++)
+    for (PetscInt a = 0; a < dim; a++) {
+      at[dim * j + a] = x[a];
+      for (PetscInt e = 0; e < dim; e++) at[dim * j + a] += R[3 * a + e] * g->mesh.X[dim * j + e];
+    }
   PetscCall(read_clamp(g, at));
   PetscCall(read_watch(g, dim, at));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -220,9 +217,6 @@ PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, Solids 
     PetscCall(SolidsDestroy(solids));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(dim == 2, comm, PETSC_ERR_SUP,
-             "-particle_%s_material %s: elastic particles are for the plane so far; in space use rigid ones",
-             b->group[0].name, "neo_hookean or st_venant_kirchhoff");
   PetscCall(create_groups(b, size));
   b->s.group    = b->group;
   b->s.group_of = b->group_of;

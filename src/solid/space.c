@@ -1,0 +1,55 @@
+/* Solids in space: see space.h. */
+#include "compat.h"
+#include "space.h"
+#include "base/algebra.h"
+
+/* Nodes of face `which` of a cell: axis which/2, its lower side at first. Its two directions and the outward normal are
+   right-handed. */
+static void list_face(PetscInt which, PetscInt node[9])
+{
+  static const PetscInt STEP[3] = {1, 3, 9};
+  const PetscInt        axis = which / 2, upper = which % 2;
+  const PetscInt        first = STEP[(axis + (upper ? 1 : 2)) % 3], second = STEP[(axis + (upper ? 2 : 1)) % 3];
+
+  for (PetscInt j = 0; j < 9; j++) node[j] = 2 * upper * STEP[axis] + j % 3 * first + j / 3 * second;
+}
+
+PetscErrorCode SolidFindFaces(SolidMesh *m)
+{
+  PetscInt *cells, face[6][9];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 6; i++) list_face(i, face[i]);
+  PetscCall(PetscCalloc1(m->nnode, &cells));
+  m->nside   = 0;
+  m->nb_side = 9;
+  for (PetscInt e = 0; e < m->ncell * 6; e++) cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]]++;
+  for (PetscInt e = 0; e < m->ncell * 6; e++) m->nside += cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]] == 1;
+  PetscCall(PetscMalloc1(9 * m->nside, &m->side));
+  m->nside = 0;
+  for (PetscInt e = 0; e < m->ncell * 6; e++) {
+    if (cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]] != 1) continue;
+    for (PetscInt j = 0; j < 9; j++) m->side[9 * m->nside + j] = m->cell_node[e / 6 * m->nb + face[e % 6][j]];
+    m->nside++;
+  }
+  PetscCall(PetscFree(cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal SolidLargestStretch(PetscInt dim, const PetscReal F[])
+{
+  static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COLUMN[6] = {0, 1, 2, 1, 2, 2};
+  PetscReal             C[6], value[3], vector[9];
+
+  if (dim == 2) {
+    const PetscReal sum = PetscHypotReal(F[0] + F[3], F[2] - F[1]), diff = PetscHypotReal(F[0] - F[3], F[1] + F[2]);
+
+    return 0.5 * (sum + diff);
+  }
+  for (PetscInt e = 0; e < 6; e++) {
+    C[e] = 0;
+    for (PetscInt k = 0; k < 3; k++) C[e] += F[3 * k + ROW[e]] * F[3 * k + COLUMN[e]];
+  }
+  SymmetricEigen(C, value, vector);
+  return PetscSqrtReal(value[2]);
+}
