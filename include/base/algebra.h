@@ -136,52 +136,6 @@ static inline PetscReal DenseInvertMap(PetscInt dim, const PetscReal J[], PetscR
   return det;
 }
 
-/* Eigenvalues of a symmetric tensor, ascending, and its unit eigenvectors, the rows of `vector` [3][3]: Jacobi's method
-   (Golub & Van Loan, ch. 8.5), to round-off of the largest */
-static inline void SymmetricEigen(const PetscReal t[6], PetscReal value[3], PetscReal vector[9])
-{
-  PetscReal A[9] = {t[0], t[3], t[4], t[3], t[1], t[5], t[4], t[5], t[2]};
-
-  for (int e = 0; e < 9; e++) vector[e] = e % 4 == 0;
-  for (int turn = 0; turn < 60; turn++) {
-    const int       p = turn % 3 == 2, q = turn % 3 == 0 ? 1 : 2; /* 01 02 12 */
-    const PetscReal theta = 0.5 * PetscAtan2Real(2 * A[3 * p + q], A[4 * q] - A[4 * p]), c = PetscCosReal(theta),
-                    s = PetscSinReal(theta);
-
-    if (A[3 * p + q] == 0) continue;
-    for (int k = 0; k < 3; k++) {
-      const PetscReal x = A[3 * k + p], y = A[3 * k + q], v = vector[3 * p + k], w = vector[3 * q + k];
-
-      A[3 * k + p]      = c * x - s * y;
-      A[3 * k + q]      = s * x + c * y;
-      vector[3 * p + k] = c * v - s * w;
-      vector[3 * q + k] = s * v + c * w;
-    }
-    for (int k = 0; k < 3; k++) {
-      const PetscReal x = A[3 * p + k], y = A[3 * q + k];
-
-      A[3 * p + k] = c * x - s * y;
-      A[3 * q + k] = s * x + c * y;
-    }
-    A[3 * p + q] = A[3 * q + p] = 0;
-  }
-  for (int k = 0; k < 3; k++) value[k] = A[4 * k];
-  for (int pass = 0; pass < 3; pass++) {
-    const int i = pass % 2;
-
-    if (value[i] <= value[i + 1]) continue;
-    PetscReal low = value[i + 1];
-
-    value[i + 1] = value[i];
-    value[i]     = low;
-    for (int k = 0; k < 3; k++) {
-      low                      = vector[3 * i + 3 + k];
-      vector[3 * i + 3 + k] = vector[3 * i + k];
-      vector[3 * i + k]     = low;
-    }
-  }
-}
-
 /* ---- rotations ---- */
 
 static inline void RotationFromAngle(PetscReal angle, PetscReal q[4])

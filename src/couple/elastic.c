@@ -186,10 +186,11 @@ static PetscErrorCode push_bodies(const Elastic *e, Couple c)
   PetscCall(PetscCalloc1(c->s->n * nr, &push));
   for (PetscInt i = 0; i < e->contacts.n; i++) {
     const ElasticContact *t        = e->contacts.list + i;
-    PetscReal             force[3] = {-t->force * t->n[0], -t->force * t->n[1], 0}, arm[3] = {0, 0, 0}, torque[3];
+    PetscReal             force[3], arm[3] = {0, 0, 0}, torque[3];
 
     if (t->body < 0) continue;
-    for (PetscInt a = 0; a < 2; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
+    for (PetscInt a = 0; a < 3; a++) force[a] = -t->force * t->n[a];
+    for (PetscInt a = 0; a < c->loc->dim; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
     cross(arm, force, torque);
     PetscCall(RigidReduceForce(c->bodies, t->body, c->rigid.q[t->body], force, torque, sum));
     for (PetscInt j = 0; j < nr; j++) push[t->body * nr + j] += sum[j];

@@ -28,12 +28,12 @@ typedef struct {
   PetscReal *xi;   /* [n][dim] */
 } ElasticPoints;
 
-/* A node of an outline that is pushed by what is near */
+/* A node of an outline (in space: of a surface) that is pushed by what is near */
 typedef struct {
-  PetscInt  node, other[3]; /* the nodes of the edge of a solid that it comes close to, with */
-  PetscReal weight[3];      /* their part in the closest point; 0: it is none */
-  PetscInt  body;           /* rigid body, -1: none */
-  PetscReal n[2], y[2];     /* away from it; the closest point */
+  PetscInt  node, other[ELASTIC_SIDE]; /* the nodes of the side of a solid that it comes close to, with */
+  PetscReal weight[ELASTIC_SIDE];      /* their part in the closest point; 0: it is none */
+  PetscInt  body;                      /* rigid body, -1: none */
+  PetscReal n[3], y[3];                /* away from it; the closest point */
   PetscReal force, rate;    /* at the predicted positions; what it loses for the way */
 } ElasticContact;
 

@@ -1,8 +1,10 @@
-/* ElasticGap: see elasticgap.h. In the plane. */
+/* ElasticGap: see elasticgap.h. */
 #include "compat.h"
 #include "elasticgap.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/array.h"
+#include "base/face.h"
 #include "base/log.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
@@ -22,7 +24,7 @@ enum {
 /* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there. away: of
    a solid, the way from its own place to the image that is near */
 typedef struct {
-  PetscReal cells, gap, x[2], y[2], away[2];
+  PetscReal cells, gap, x[3], y[3], away[3];
   PetscInt  kind, solid, other, body;
 } Gap;
 
@@ -31,32 +33,48 @@ static PetscBool is_narrower(PetscReal gap, PetscReal size, const Gap *best)
   return (PetscBool)(gap < best->cells * size);
 }
 
-static void note(Gap *best, PetscReal gap, PetscReal size, const PetscReal y[2], const Gap *which)
+static void note(Gap *best, PetscReal gap, PetscReal size, const PetscReal y[3], const Gap *which)
 {
   *best       = *which;
   best->gap   = gap;
   best->cells = gap / size;
-  for (PetscInt a = 0; a < 2; a++) best->y[a] = y[a];
+  for (PetscInt a = 0; a < 3; a++) best->y[a] = y[a];
+}
+
+static PetscReal distance2(PetscInt dim, const PetscReal x[], const PetscReal y[])
+{
+  PetscReal sum = 0;
+
+  for (PetscInt a = 0; a < dim; a++) sum += PetscSqr(x[a] - y[a]);
+  return sum;
 }
 
 /* Before nodes move: the reach of contact does not change with the mesh that follows solids */
 static PetscReal cell_size(const MeshLocal *l, PetscInt cell)
 {
   const PetscInt *node = l->cell_node + cell * l->nb;
-  PetscReal       d[2][2];
+  PetscReal       d[3][3];
 
-  for (PetscInt a = 0; a < 2; a++) {
+  for (PetscInt a = 0; a < l->dim && l->dim == 2; a++) { /* the diagonals */
     d[0][a] = MeshNearest(l, a, l->x_start[2 * node[8] + a] - l->x_start[2 * node[0] + a]);
     d[1][a] = MeshNearest(l, a, l->x_start[2 * node[6] + a] - l->x_start[2 * node[2] + a]);
   }
-  return PetscSqrtReal(0.5 * PetscAbsReal(d[0][0] * d[1][1] - d[0][1] * d[1][0]));
+  if (l->dim == 2) return PetscSqrtReal(0.5 * PetscAbsReal(d[0][0] * d[1][1] - d[0][1] * d[1][0]));
+  for (PetscInt a = 0; a < 3; a++) /* between the middles of faces */
+    for (PetscInt e = 0; e < 3; e++) {
+      static const PetscInt MIDDLE[3][2] = {{12, 14}, {10, 16}, {4, 22}};
+
+      d[e][a] = MeshNearest(l, a, l->x_start[3 * node[MIDDLE[e][1]] + a] - l->x_start[3 * node[MIDDLE[e][0]] + a]);
+    }
+  return PetscCbrtReal(PetscAbsReal(DenseDeterminant(3, d[0])));
 }
 
 /* Is the node, where the solid starts, beside one that is held? */
 static PetscBool is_near_clamp(const SolidGroup *g, PetscInt node, PetscReal size)
 {
   for (PetscInt i = 0; i < g->mesh.nnode && g->nclamped; i++)
-    if (g->clamped[i] && EdgeDistance2(g->mesh.X + 2 * i, g->mesh.X + 2 * node) <= PetscSqr(CLAMP_REACH * size))
+    if (g->clamped[i] && distance2(g->mesh.dim, g->mesh.X + g->mesh.dim * i, g->mesh.X + g->mesh.dim * node) <=
+                           PetscSqr(CLAMP_REACH * size))
       return PETSC_TRUE;
   return PETSC_FALSE;
 }
@@ -91,7 +109,7 @@ static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 4; e++) {
     const PetscReal *p[3], x[2]     = {at->x[0], at->x[1]};
-    PetscReal        image[2], y[2] = {0, 0}, gap;
+    PetscReal        image[2], y[3] = {0, 0, 0}, gap;
 
     at->other = on[node[ELEMENT_EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
     if (at->other < 0) continue;
@@ -102,6 +120,32 @@ static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], 
     if (!is_narrower(gap, size, best)) continue;
     for (PetscInt a = 0; a < 2; a++) y[a] += x[a] - image[a];
     note(best, gap, size, y, at);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Faces of a cell in space, as check_edges */
+static PetscErrorCode check_faces(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, Gap *at, Gap *best)
+{
+  static const PetscInt STEP[3] = {1, 3, 9};
+  const PetscInt       *node    = c->loc->cell_node + cell * c->loc->nb;
+  PetscReal             xc[3 * MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < 6; e++) {
+    const PetscInt u = STEP[(e / 2 + 1) % 3], v = STEP[(e / 2 + 2) % 3], first = 2 * (e % 2) * STEP[e / 2];
+    PetscReal      p[9][3], image[3], y[3];
+    FacePoint      near;
+
+    at->other = on[node[first + u + v]]; /* the middle of a face is on one boundary alone */
+    if (at->other < 0) continue;
+    PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+    for (PetscInt j = 0; j < 27; j++) p[j / 3][j % 3] = xc[3 * (first + j / 3 % 3 * u + j / 9 * v) + j % 3];
+    for (PetscInt a = 0; a < 3; a++) image[a] = p[4][a] + MeshNearest(c->loc, a, at->x[a] - p[4][a]);
+    FaceNearest(3, p, image, &near);
+    if (!is_narrower(near.distance, size, best)) continue;
+    for (PetscInt a = 0; a < 3; a++) y[a] = near.x[a] + at->x[a] - image[a];
+    note(best, near.distance, size, y, at);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -119,7 +163,7 @@ static PetscErrorCode check_boundary(Couple c, PetscInt cell, const PetscInt on[
     const PetscInt node = l->cell_node[cell * l->nb + j];
 
     for (PetscInt q = l->node_cell_ptr[node]; q < l->node_cell_ptr[node + 1]; q++)
-      PetscCall(check_edges(c, l->node_cell[q], on, size, &at, best));
+      PetscCall((l->dim == 2 ? check_edges : check_faces)(c, l->node_cell[q], on, size, &at, best));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -147,29 +191,30 @@ static PetscErrorCode mark_boundaries(Couple c, PetscInt on[])
 static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal size, const Gap *which, Gap *best)
 {
   const MeshLocal *l    = c->loc;
-  const PetscInt   n[2] = {l->period[0] > 0, l->period[1] > 0};
+  const PetscInt   n[3] = {l->period[0] > 0 ? 1 : 0, l->period[1] > 0 ? 1 : 0, l->dim == 3 && l->period[2] > 0 ? 1 : 0};
   Gap              at   = *which;
 
   PetscFunctionBeginUser;
   at.kind = TO_SOLID;
   for (at.other = 0; at.other < t->n; at.other++)
-    for (PetscInt i = -n[0]; i <= n[0]; i++)
-      for (PetscInt j = -n[1]; j <= n[1]; j++) {
-        const PetscReal *own = t->centre[at.solid], *other = t->centre[at.other];
-        const PetscReal  image[3] = {own[0] + MeshNearest(l, 0, other[0] - own[0]) + (PetscReal)i * l->period[0],
-                                     own[1] + MeshNearest(l, 1, other[1] - own[1]) + (PetscReal)j * l->period[1], 0};
-        PetscReal        d, x[2], y[2];
+    for (PetscInt i = 0; i < 27; i++) {
+      const PetscInt   to[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+      const PetscReal *own = t->centre[at.solid], *other = t->centre[at.other];
+      PetscReal        image[3], d, x[3], y[3] = {0, 0, 0};
 
-        if (at.other == at.solid && !i && !j) continue;
-        if (EdgeDistance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
-        PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
-        if (!is_narrower(d, size, best)) continue;
-        for (PetscInt a = 0; a < 2; a++) at.away[a] = image[a] - other[a];
-        for (PetscInt a = 0; a < 2; a++) x[a] = at.x[a] - at.away[a];
-        PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
-        for (PetscInt a = 0; a < 2; a++) y[a] += at.away[a];
-        note(best, d, size, y, &at);
-      }
+      if (PetscAbs(to[0]) > n[0] || PetscAbs(to[1]) > n[1] || PetscAbs(to[2]) > n[2]) continue;
+      if (at.other == at.solid && !to[0] && !to[1] && !to[2]) continue;
+      for (PetscInt a = 0; a < 3; a++)
+        image[a] = own[a] + MeshNearest(l, a, other[a] - own[a]) + (PetscReal)to[a] * l->period[a];
+      if (distance2(l->dim, at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
+      PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
+      if (!is_narrower(d, size, best)) continue;
+      for (PetscInt a = 0; a < 3; a++) at.away[a] = image[a] - other[a];
+      for (PetscInt a = 0; a < 3; a++) x[a] = at.x[a] - at.away[a];
+      PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
+      for (PetscInt a = 0; a < l->dim; a++) y[a] += at.away[a];
+      note(best, d, size, y, &at);
+    }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -180,10 +225,10 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
   PetscFunctionBeginUser;
   at.kind = TO_BODY;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal x[2], y[2], d, r2 = 0;
+    PetscReal x[3], y[3] = {0, 0, 0}, d, r2 = 0;
 
     if (c->s->removed[k]) continue;
-    for (PetscInt a = 0; a < 2; a++) {
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
       const PetscReal r = MeshNearest(c->loc, a, at.x[a] - c->rigid.X[k][a]);
 
       x[a] = c->rigid.X[k][a] + r;
@@ -193,7 +238,7 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
     PetscCall(BodiesDistance(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, &d));
     if (!is_narrower(d, size, best)) continue;
     PetscCall(BodiesProject(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, y));
-    for (PetscInt a = 0; a < 2; a++) y[a] += at.x[a] - x[a];
+    for (PetscInt a = 0; a < c->loc->dim; a++) y[a] += at.x[a] - x[a];
     at.other = c->s->body_group[k];
     at.body  = k;
     note(best, d, size, y, &at);
@@ -209,7 +254,7 @@ static PetscErrorCode stop(Elastic *e, Couple c, const Gap *mine, PetscReal narr
   const SolidsState *s = e->s;
   PetscMPIInt        rank, from;
   Gap                gap = *mine;
-  char               what[256];
+  char               what[256], third[32] = "";
   const char        *name, *group;
 
   PetscFunctionBeginUser;
@@ -224,23 +269,24 @@ static PetscErrorCode stop(Elastic *e, Couple c, const Gap *mine, PetscReal narr
   } else if (gap.kind == TO_SOLID)
     (void)snprintf(what, sizeof(what), "an elastic particle of group '%s'", s->group[s->group_of[gap.other]].name);
   else (void)snprintf(what, sizeof(what), "a body of group '%s'", c->s->group[gap.other].name);
+  if (s->dim == 3) (void)snprintf(third, sizeof(third), ", %.4g", (double)gap.x[2]);
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
-          "An elastic particle of group '%s' comes to %.3g from %s at t = %g, near (%.4g, %.4g), less than a hundredth of a cell (%.3g): contact does not "
+          "An elastic particle of group '%s' comes to %.3g from %s at t = %g, near (%.4g, %.4g%s), less than a hundredth of a cell (%.3g): contact does not "
           "keep it open. Use a shorter step (-sim_dt %g), smaller cells there (-mesh_cells, -mesh_focus_h), or let it start apart "
           "(-particle_%s_position)",
-          group, (double)gap.gap, what, (double)c->step->time, (double)gap.x[0], (double)gap.x[1],
+          group, (double)gap.gap, what, (double)c->step->time, (double)gap.x[0], (double)gap.x[1], third,
           (double)(gap.cells != 0 ? gap.gap / gap.cells : 0), (double)(0.5 * c->step->dt), group);
 }
 
 /* ---- contact ---- */
 
-/* The part `length` of an outline at that node pushes what is nearest, of each kind: of two solids each side half, as
+/* The part `length` of an outline (area of a surface) at that node pushes what is nearest, of each kind: of two solids each side half, as
    both have nodes that see the other */
 static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, const Gap *g)
 {
   const SolidGroup *group = e->s->group + e->s->group_of[g->solid];
   const PetscReal   size = g->gap / g->cells, part = g->kind == TO_SOLID ? 0.5 * length : length;
-  const PetscReal   there[2] = {g->y[0] - g->away[0], g->y[1] - g->away[1]};
+  const PetscReal   there[3] = {g->y[0] - g->away[0], g->y[1] - g->away[1], g->y[2] - g->away[2]};
   ElasticContact   *t;
 
   PetscFunctionBeginUser;
@@ -250,8 +296,8 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
                         .body  = g->kind == TO_BODY ? g->body : -1,
                         .force = part * group->material.mu * (1 - g->cells),
                         .rate  = part * group->material.mu / size,
-                        .y     = {g->y[0], g->y[1]}};
-  for (PetscInt a = 0; a < 2; a++) t->n[a] = (g->x[a] - g->y[a]) / g->gap;
+                        .y     = {g->y[0], g->y[1], g->y[2]}};
+  for (PetscInt a = 0; a < 3; a++) t->n[a] = (g->x[a] - g->y[a]) / g->gap;
   if (g->kind == TO_SOLID) PetscCall(ElasticSurfacesEvaluate(e->surfaces, g->other, there, t->other, t->weight));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -260,30 +306,29 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
 static PetscErrorCode look_around(Elastic *e, Couple c, const PetscInt on[], PetscInt k, PetscInt i, PetscInt j,
                                   Gap *narrowest)
 {
-  static const PetscReal SIMPSON[3] = {1 / 6.0, 4 / 6.0, 1 / 6.0};
-  const SolidGroup      *g          = e->s->group + e->s->group_of[k];
-  const PetscInt        *side = g->mesh.side + 3 * i, node = e->s->first[k] + side[j], cell = e->node.cell[node];
-  const Gap              at = {.solid = k, .x = {e->x[2 * node], e->x[2 * node + 1]}};
-  PetscReal              size, length = 0;
-  Gap                    best[NKIND];
+  const SolidGroup *g    = e->s->group + e->s->group_of[k];
+  const PetscInt    dim  = g->mesh.dim, *side = g->mesh.side + g->mesh.nb_side * i;
+  const PetscInt    node = e->s->first[k] + side[j], cell = e->node.cell[node];
+  Gap               at   = {.solid = k}, best[NKIND];
+  PetscInt          all[ELASTIC_SIDE];
+  PetscReal         size, weight[ELASTIC_SIDE];
 
   PetscFunctionBeginUser;
   if (cell < 0) PetscFunctionReturn(PETSC_SUCCESS); /* of another rank */
+  for (PetscInt a = 0; a < dim; a++) at.x[a] = e->x[dim * node + a];
+  for (PetscInt b = 0; b < g->mesh.nb_side; b++) all[b] = e->s->first[k] + side[b];
   size = cell_size(c->loc, cell);
   if (is_near_clamp(g, side[j], size)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt kind = 0; kind < NKIND; kind++) best[kind] = (Gap){.cells = 1};
   PetscCall(check_boundary(c, cell, on, size, &at, &best[TO_BOUNDARY]));
   PetscCall(check_solids(c, ElasticSurfacesGet(e->surfaces), size, &at, &best[TO_SOLID]));
   PetscCall(check_bodies(c, size, &at, &best[TO_BODY]));
-  for (PetscInt b = 0; b < 2; b++) {
-    const PetscReal *p = e->x + 2 * (e->s->first[k] + side[b]), *q = e->x + 2 * (e->s->first[k] + side[b + 1]);
-
-    length += PetscSqrtReal(EdgeDistance2(p, q));
-  }
   for (PetscInt kind = 0; kind < NKIND; kind++) {
     if (best[kind].cells >= 1) continue;
     if (best[kind].cells < narrowest->cells) *narrowest = best[kind];
-    if (best[kind].gap > 0) PetscCall(add_contact(e, node, SIMPSON[j] * length, &best[kind]));
+    if (best[kind].gap <= 0) continue;
+    ElasticSurfacesWeigh(e->surfaces, all, weight);
+    PetscCall(add_contact(e, node, weight[j], &best[kind]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -310,13 +355,15 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   e->contacts.n = 0;
-  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(c->loc->nnode_all, &on));
   PetscCall(mark_boundaries(c, on));
   PetscCall(ElasticSurfacesSet(e->surfaces, e->x));
-  for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt i = 0; i < 3 * s->group[s->group_of[k]].mesh.nside; i++)
-      PetscCall(look_around(e, c, on, k, i / 3, i % 3, &best));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+
+    for (PetscInt i = 0; i < m->nb_side * m->nside; i++)
+      PetscCall(look_around(e, c, on, k, i / m->nb_side, i % m->nb_side, &best));
+  }
   PetscCall(PetscFree(on));
   PetscCall(MPIU_Allreduce(&best.cells, &narrowest, 1, MPIU_REAL, MPIU_MIN, c->comm));
   if (narrowest < CLOSED) PetscCall(stop(e, c, &best, narrowest));
@@ -327,22 +374,24 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
 /* Spring on the way from x* of nodes i[] with weights w[] along n, in matrix and force */
 PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
 {
+  const PetscInt dim = e->s->dim, nb = dim == 2 ? 3 : 9;
+
   PetscFunctionBeginUser;
   for (PetscInt m = 0; m < e->contacts.n; m++) {
-    const ElasticContact *t = e->contacts.list + m;
-    PetscInt              n = 2, row[8];
-    PetscReal             v[8], f[8], A[64], force = t->force;
+    const ElasticContact *t    = e->contacts.list + m;
+    PetscBool             both = PETSC_FALSE;
+    PetscInt              n, row[3 * (1 + ELASTIC_SIDE)];
+    PetscReal             v[3 * (1 + ELASTIC_SIDE)], f[3 * (1 + ELASTIC_SIDE)], A[9 * PetscSqr(1 + ELASTIC_SIDE)];
+    PetscReal             force = t->force;
 
-    for (PetscInt j = 0; j < 4; j++) {
-      const PetscInt node = j ? t->other[j - 1] : t->node;
+    for (PetscInt j = 0; j < nb; j++) both = (PetscBool)(both || t->weight[j] != 0);
+    n = dim * (both ? 1 + nb : 1);
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscInt j = i / dim, a = i % dim;
 
-      if (j && t->weight[0] == 0 && t->weight[1] == 0 && t->weight[2] == 0) break;
-      n = 2 * (j + 1);
-      for (PetscInt a = 0; a < 2; a++) {
-        row[2 * j + a] = 2 * node + a;
-        v[2 * j + a]   = (j ? -t->weight[j - 1] : 1) * t->n[a];
-        force -= t->rate * v[2 * j + a] * (e->a[2 * node + a] - e->x[2 * node + a]);
-      }
+      row[i] = dim * (j ? t->other[j - 1] : t->node) + a;
+      v[i]   = (j ? -t->weight[j - 1] : 1) * t->n[a];
+      force -= t->rate * v[i] * (e->a[row[i]] - e->x[row[i]]);
     }
     for (PetscInt i = 0; i < n; i++) {
       f[i] = force * v[i];

@@ -305,14 +305,39 @@ PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[2], PetscInt node[3],
-                                       PetscReal weight[3])
+PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[],
+                                       PetscInt node[ELASTIC_SIDE], PetscReal weight[ELASTIC_SIDE])
 {
-  PetscReal      y[2], t, far2, slope[3];
-  const PetscInt e = find_edge(b, k, x, y, &t, &far2);
+  PetscReal y[2], t, far2, v[2][3], slope[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(node, b->side[e].node, 3));
-  ElementLine(t, weight, slope);
+  if (b->faces) {
+    FacePoint       at;
+    const PetscInt *face;
+
+    (void)ElasticFacesNearest(b->faces, k, x, &at, &face);
+    PetscCall(PetscArraycpy(node, face, 9));
+    for (PetscInt i = 0; i < 2; i++) ElementLine(at.s[i], v[i], slope);
+    for (PetscInt j = 0; j < 9; j++) weight[j] = v[0][j % 3] * v[1][j / 3];
+  } else {
+    const PetscInt e = find_edge(b, k, x, y, &t, &far2);
+
+    PetscCall(PetscArraycpy(node, b->side[e].node, 3));
+    ElementLine(t, weight, slope);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void ElasticSurfacesWeigh(ElasticSurfaces b, const PetscInt node[], PetscReal weight[ELASTIC_SIDE])
+{
+  static const PetscReal SIMPSON[3] = {1 / 6.0, 4 / 6.0, 1 / 6.0};
+  PetscReal              length     = 0;
+
+  if (b->faces) {
+    ElasticFacesGetAreas(b->faces, node, weight);
+    return;
+  }
+  for (PetscInt i = 0; i < 2; i++)
+    length += PetscSqrtReal(EdgeDistance2(b->x + 2 * node[i], b->x + 2 * node[i + 1]));
+  for (PetscInt j = 0; j < 3; j++) weight[j] = SIMPSON[j] * length;
 }

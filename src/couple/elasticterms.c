@@ -84,7 +84,7 @@ static PetscErrorCode clear_matrix(Elastic *e, Couple c)
   }
   e->contacts.joined = PETSC_FALSE;
   for (PetscInt i = 0; i < e->contacts.n; i++)
-    for (PetscInt j = 0; j < 3; j++)
+    for (PetscInt j = 0; j < ELASTIC_SIDE; j++)
       e->contacts.joined = (PetscBool)(e->contacts.joined || e->contacts.list[i].weight[j] != 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->contacts.joined, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
   PetscCall(MatZeroEntries(e->K));

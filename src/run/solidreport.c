@@ -15,11 +15,25 @@ enum {
   OF_INCLINATION,
   OF_FORCE_X,
   OF_FORCE_Y,
+  NPLANE,
+  OF_Z = NPLANE,
+  OF_W,
+  OF_FORCE_Z,
+  OF_AXIS_X,
+  OF_AXIS_Y,
+  OF_AXIS_Z,
   NGROUP
 };
 
-static const char *const NAMES[NGROUP] = {"x",       "y",      "u",           "v",       "volume_error", "energy",
-                                          "stretch", "taylor", "inclination", "force_x", "force_y"};
+static const char *const NAMES[NGROUP] = {"x",           "y",       "u",       "v", "volume_error", "energy",
+                                          "stretch",     "taylor",  "inclination", "force_x", "force_y",
+                                          "z", "w", "force_z", "axis_x", "axis_y", "axis_z"};
+
+/* In space a direction takes the place of the angle */
+static PetscBool has_column(PetscInt dim, PetscInt i)
+{
+  return (PetscBool)(dim == 2 ? i < NPLANE : i != OF_INCLINATION);
+}
 
 struct _p_SolidReport {
   Solids       solids;
@@ -53,6 +67,7 @@ PetscErrorCode SolidReportCreate(const SimComponents *sim, SolidReport *report)
     const SolidGroup *group = r->s->group + g;
 
     for (PetscInt i = 0; i < NGROUP; i++) {
+      if (!has_column(r->s->dim, i)) continue;
       PetscCall(PetscSNPrintf(name, sizeof(name), "solid_%s_%s", NAMES[i], group->name));
       PetscCall(MonitorAddColumn(r->monitor, name, &r->column[g][i]));
     }
@@ -107,11 +122,16 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
   v[OF_VOLUME]  = sums.volume / group->mesh.volume - 1;
   v[OF_ENERGY]  = sums.strain_energy;
   v[OF_STRETCH] = sums.stretch_max;
-  EllipseFind(sums.second[0], sums.second[1], sums.second[3], &v[OF_TAYLOR], &v[OF_INCLINATION]);
+  if (r->s->dim == 2) EllipseFind(sums.second[0], sums.second[1], sums.second[3], &v[OF_TAYLOR], &v[OF_INCLINATION]);
+  else EllipsoidFind(sums.second, &v[OF_TAYLOR], &v[OF_AXIS_X]);
+  v[OF_Z]       = sums.centroid[2];
+  v[OF_W]       = u[2];
+  v[OF_FORCE_Z] = force[2];
   v[OF_FORCE_X] = force[0];
   v[OF_FORCE_Y] = force[1];
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
-  for (PetscInt i = 0; i < NGROUP; i++) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], v[i]));
+  for (PetscInt i = 0; i < NGROUP; i++)
+    if (has_column(r->s->dim, i)) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], v[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
