@@ -12,8 +12,8 @@ typedef struct {
   PetscInt   nnode, ncell, nside;
   PetscInt  *cell_node; /* [ncell][nb], in the order of fem/element.h */
   PetscInt   nb_side;   /* nodes of a side: 3 in the plane, 9 in space */
-  PetscInt  *side;      /* [nside][nb_side] nodes of the surface: along an edge, the solid on its left; of a face, node j
-                           at (j % 3, j/3), these two directions and the normal outwards right-handed */
+  PetscInt  *side;      /* [nside][nb_side] nodes of the surface: along an edge, the solid on its left; of a face node
+                           j at (j % 3, j/3), these two directions and the normal outwards right-handed */
   PetscReal *X;         /* [nnode][dim] about the centroid of the shape */
   PetscReal *phi;       /* [nq][nb] basis at the quadrature points */
   PetscReal *grad;      /* [ncell][nq][nb][dim] its gradients in the reference frame */

@@ -185,7 +185,7 @@ static PetscErrorCode push_bodies(const Elastic *e, Couple c)
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->s->n * nr, &push));
   for (PetscInt i = 0; i < e->contacts.n; i++) {
-    const ElasticContact *t        = e->contacts.list + i;
+    const ElasticContact *t = e->contacts.list + i;
     PetscReal             force[3], arm[3] = {0, 0, 0}, torque[3];
 
     if (t->body < 0) continue;

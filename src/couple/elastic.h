@@ -34,7 +34,7 @@ typedef struct {
   PetscReal weight[ELASTIC_SIDE];      /* their part in the closest point; 0: it is none */
   PetscInt  body;                      /* rigid body, -1: none */
   PetscReal n[3], y[3];                /* away from it; the closest point */
-  PetscReal force, rate;    /* at the predicted positions; what it loses for the way */
+  PetscReal force, rate;               /* at the predicted positions; what it loses for the way */
 } ElasticContact;
 
 /* Those of this step, found by this rank */

@@ -113,7 +113,7 @@ static void mean_normal(const struct _p_ElasticFaces *b, const PetscInt node[9],
 PetscReal ElasticFacesNearest(ElasticFaces b, PetscInt k, const PetscReal p[3], FacePoint *nearest,
                               const PetscInt **face)
 {
-  PetscReal best = PETSC_MAX_REAL, n[3], r[3];
+  PetscReal best  = PETSC_MAX_REAL, n[3], r[3];
   PetscInt  start = b->first[k], which;
 
   for (PetscInt f = b->first[k]; f < b->first[k + 1]; f++) {

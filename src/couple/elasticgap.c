@@ -280,8 +280,8 @@ static PetscErrorCode stop(Elastic *e, Couple c, const Gap *mine, PetscReal narr
 
 /* ---- contact ---- */
 
-/* The part `length` of an outline (area of a surface) at that node pushes what is nearest, of each kind: of two solids each side half, as
-   both have nodes that see the other */
+/* The part `length` of an outline (area of a surface) at that node pushes what is nearest, of each kind: of two solids
+   each side half, as both have nodes that see the other */
 static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, const Gap *g)
 {
   const SolidGroup *group = e->s->group + e->s->group_of[g->solid];
@@ -306,10 +306,10 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
 static PetscErrorCode look_around(Elastic *e, Couple c, const PetscInt on[], PetscInt k, PetscInt i, PetscInt j,
                                   Gap *narrowest)
 {
-  const SolidGroup *g    = e->s->group + e->s->group_of[k];
-  const PetscInt    dim  = g->mesh.dim, *side = g->mesh.side + g->mesh.nb_side * i;
+  const SolidGroup *g   = e->s->group + e->s->group_of[k];
+  const PetscInt    dim = g->mesh.dim, *side = g->mesh.side + g->mesh.nb_side * i;
   const PetscInt    node = e->s->first[k] + side[j], cell = e->node.cell[node];
-  Gap               at   = {.solid = k}, best[NKIND];
+  Gap               at = {.solid = k}, best[NKIND];
   PetscInt          all[ELASTIC_SIDE];
   PetscReal         size, weight[ELASTIC_SIDE];
 
@@ -327,7 +327,7 @@ static PetscErrorCode look_around(Elastic *e, Couple c, const PetscInt on[], Pet
     if (best[kind].cells >= 1) continue;
     if (best[kind].cells < narrowest->cells) *narrowest = best[kind];
     if (best[kind].gap <= 0) continue;
-    ElasticSurfacesWeigh(e->surfaces, all, weight);
+    ElasticSurfacesGetSizes(e->surfaces, all, weight);
     PetscCall(add_contact(e, node, weight[j], &best[kind]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -126,7 +126,7 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, 
 static PetscErrorCode stop_lost(Elastic *e, Couple c, PetscInt i)
 {
   PetscInt          k, node;
-  const SolidGroup *g = group_of_node(e->s, i, &k, &node);
+  const SolidGroup *g         = group_of_node(e->s, i, &k, &node);
   char              third[32] = "";
 
   PetscFunctionBeginUser;

@@ -305,8 +305,8 @@ PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[],
-                                       PetscInt node[ELASTIC_SIDE], PetscReal weight[ELASTIC_SIDE])
+PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[], PetscInt node[ELASTIC_SIDE],
+                                       PetscReal weight[ELASTIC_SIDE])
 {
   PetscReal y[2], t, far2, v[2][3], slope[3];
 
@@ -328,7 +328,7 @@ PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ElasticSurfacesWeigh(ElasticSurfaces b, const PetscInt node[], PetscReal weight[ELASTIC_SIDE])
+void ElasticSurfacesGetSizes(ElasticSurfaces b, const PetscInt node[], PetscReal weight[ELASTIC_SIDE])
 {
   static const PetscReal SIMPSON[3] = {1 / 6.0, 4 / 6.0, 1 / 6.0};
   PetscReal              length     = 0;
@@ -337,7 +337,6 @@ void ElasticSurfacesWeigh(ElasticSurfaces b, const PetscInt node[], PetscReal we
     ElasticFacesGetAreas(b->faces, node, weight);
     return;
   }
-  for (PetscInt i = 0; i < 2; i++)
-    length += PetscSqrtReal(EdgeDistance2(b->x + 2 * node[i], b->x + 2 * node[i + 1]));
+  for (PetscInt i = 0; i < 2; i++) length += PetscSqrtReal(EdgeDistance2(b->x + 2 * node[i], b->x + 2 * node[i + 1]));
   for (PetscInt j = 0; j < 3; j++) weight[j] = SIMPSON[j] * length;
 }

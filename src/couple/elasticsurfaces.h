@@ -15,10 +15,10 @@ PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *);
 /* From now on with the nodes at x [nnode][dim], copied. Not collective. */
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces, const PetscReal x[]);
 /* A point x [dim] on outline k: nodes of the side that it is on, 3 or 9, and their parts in it. */
-PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces, PetscInt k, const PetscReal x[],
-                                       PetscInt node[ELASTIC_SIDE], PetscReal weight[ELASTIC_SIDE]);
+PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces, PetscInt k, const PetscReal x[], PetscInt node[ELASTIC_SIDE],
+                                       PetscReal weight[ELASTIC_SIDE]);
 /* Length (area) that belongs to each node of a side, `node` of all solids: by Simpson's rule. */
-void ElasticSurfacesWeigh(ElasticSurfaces, const PetscInt node[], PetscReal weight[ELASTIC_SIDE]);
+void ElasticSurfacesGetSizes(ElasticSurfaces, const PetscInt node[], PetscReal weight[ELASTIC_SIDE]);
 /* Nodes where the outlines have corners, of all solids; borrowed. */
 PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces, PetscInt *n, const PetscInt *node[]);
 /* Borrowed; valid after the first ElasticSurfacesSet. */

@@ -67,9 +67,8 @@ PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
 
   PetscFunctionBeginUser;
   PetscCall(PetscSplitOwnership(comm, &n, &all));
-  PetscCall(
-    MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, SOLID_ROW(dim), NULL,
-                         SOLID_ROW(dim), NULL, &e->K));
+  PetscCall(MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, SOLID_ROW(dim), NULL, SOLID_ROW(dim),
+                         NULL, &e->K));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

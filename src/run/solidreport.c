@@ -25,9 +25,9 @@ enum {
   NGROUP
 };
 
-static const char *const NAMES[NGROUP] = {"x",           "y",       "u",       "v", "volume_error", "energy",
-                                          "stretch",     "taylor",  "inclination", "force_x", "force_y",
-                                          "z", "w", "force_z", "axis_x", "axis_y", "axis_z"};
+static const char *const NAMES[NGROUP] = {"x",       "y",       "u",           "v",       "volume_error", "energy",
+                                          "stretch", "taylor",  "inclination", "force_x", "force_y",      "z",
+                                          "w",       "force_z", "axis_x",      "axis_y",  "axis_z"};
 
 /* In space a direction takes the place of the angle */
 static PetscBool has_column(PetscInt dim, PetscInt i)

@@ -86,8 +86,8 @@ static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *
 
 /* ---- factors ---- */
 
-/* Of the factors of A, in space: MUMPS would order it by PORD where it has no other dissection, which takes ten times as
-   long as the factors. Its own default is set once more as the analysis begins, but for what the options say. */
+/* Of the factors of A, in space: MUMPS would order it by PORD where it has no other dissection, which takes ten times
+   as long as the factors. PETSc sets MUMPS's default again as the analysis begins, so it is said by an option. */
 static PetscErrorCode choose_ordering(Mat A, PetscBool *chosen)
 {
   PetscBool given;

@@ -7,7 +7,8 @@
 #include "base/algebra.h"
 #include "fem/element.h"
 
-#define SOFT "-particle_groups soft -particle_soft_position 1,2,3 -particle_soft_shear_modulus 2 -particle_soft_density 1.5 "
+#define SOFT \
+  "-particle_groups soft -particle_soft_position 1,2,3 -particle_soft_shear_modulus 2 -particle_soft_density 1.5 "
 static const char *const LAWS[] = {"-particle_soft_material neo_hookean -particle_soft_poisson 0.3 ",
                                    "-particle_soft_material st_venant_kirchhoff -particle_soft_poisson 0.3 "};
 
@@ -35,8 +36,9 @@ static void deform(SolidsState *s, const PetscReal F[9])
 /* Flux of x/3 through a solid's faces: its volume */
 static PetscReal flux(const SolidMesh *m, const PetscReal x[])
 {
-  static const PetscReal POINT[3] = {-0.7745966692414834, 0, 0.7745966692414834}, WEIGHT[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  PetscReal              sum = 0;
+  static const PetscReal POINT[3]  = {-0.7745966692414834, 0, 0.7745966692414834},
+                         WEIGHT[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
+  PetscReal sum                    = 0;
 
   for (PetscInt f = 0; f < m->nside; f++)
     for (PetscInt q = 0; q < 9; q++) {
@@ -172,10 +174,10 @@ static void test_bar(void **state)
   (void)state;
   for (PetscInt law = 0; law < 2; law++) {
     SolidsState *s;
-    Solids       b = open_solid("-particle_soft_shape box -particle_soft_size 0.2,0.2,4 -particle_soft_solid_cells 2,2,20 "
-                                      "-particle_soft_clamp z-4.999 -particle_soft_watch 1,2,1",
-                                law, 0.1, &s);
-    PetscInt     i;
+    Solids   b = open_solid("-particle_soft_shape box -particle_soft_size 0.2,0.2,4 -particle_soft_solid_cells 2,2,20 "
+                              "-particle_soft_clamp z-4.999 -particle_soft_watch 1,2,1",
+                            law, 0.1, &s);
+    PetscInt i;
 
     OK(SolidsAdvance(b, 1e6, gravity));
     i = 3 * s->group[0].watch[0];
