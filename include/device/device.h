@@ -299,16 +299,27 @@ typedef struct {
    x and y may have changed places. */
 int DeviceCycle(const DeviceQueue *, int n, int degree, DeviceLevel level[]);
 
+/* What other ranks have to do with a cycle, by who knows them; each returns an error or 0. Vectors x have room for
+   blocks of other ranks behind their own. */
+typedef struct {
+  void *ctx;
+  int (*fetch)(void *ctx, double x[]);                     /* those blocks of x */
+  int (*sum)(void *ctx, double U[]);                       /* [body.nbody][6] over ranks */
+  int (*correct)(void *ctx, const double r[], double x[]); /* x += what the vertices make of r */
+} DeviceRanks;
+
 /* Two levels for the pressure: Chebyshev over cells for [largest / 8, largest], the cycle over the vertices, back */
 typedef struct {
   DeviceRows     rows;
   DeviceTransfer transfer;
   int            degree, nlevel;
   double         largest;   /* eigenvalue of D^-1 S_p, or a bound */
-  double        *x, *r, *d; /* work [rows.n][4] */
+  double        *x, *r, *d; /* work [rows.n][4], on several ranks with room for those of others */
+  double        *y;         /* likewise, on several ranks */
   DeviceLevel   *level;
   DeviceBlocks   body;        /* the operator has w w^T beside the rows; n = 0: no bodies, the rest is not read */
   double        *U, *shifted; /* work [body.nbody][6], [rows.n][4] */
+  DeviceRanks    ranks;       /* ctx NULL: one rank, no level is somebody else's */
 } DevicePressure;
 
 /* *out = b - w w^T x, in p->shifted, or b itself where there are no bodies */

@@ -53,11 +53,17 @@ int DevicePressureShift(const DeviceQueue *q, const DevicePressure *p, const dou
   int          e;
 
   *out = b;
-  if (!p->body.n || !x) return 0;
+  if (!x || (!p->body.n && !(p->ranks.ctx && p->shifted))) return 0; /* ranks sum together */
   *out = p->shifted;
   e    = (*q->run->body.sum_blocks)(q, &p->body, x, p->U);
+  if (!e && p->ranks.ctx) e = (*p->ranks.sum)(p->ranks.ctx, p->U);
   if (!e) e = (*q->run->combine)(q, (size_t)p->rows.n * 4, 1, &b, &one, NULL, p->shifted);
   return e ? e : (*q->run->body.add_blocks)(q, &p->body, -1, p->U, p->shifted);
+}
+
+static int fetch(const DevicePressure *p, double *x)
+{
+  return p->ranks.ctx && x ? (*p->ranks.fetch)(p->ranks.ctx, x) : 0;
 }
 
 /* The same over cells; *x and *y change places */
@@ -72,6 +78,7 @@ static int smooth_cells(const DeviceQueue *q, const DevicePressure *p, int start
 
     set_step(k, p->largest / 8, p->largest, &rho, &c);
     e = DevicePressureShift(q, p, b, c.x, &c.b);
+    if (!e) e = fetch(p, (double *)c.x);
     if (!e) e = (*q->run->smooth_rows)(q, &p->rows, &c);
     *y = *x;
     *x = c.x_new;
@@ -79,18 +86,30 @@ static int smooth_cells(const DeviceQueue *q, const DevicePressure *p, int start
   return e;
 }
 
-int DevicePressureApply(const DeviceQueue *q, const DevicePressure *p, const double b[], double z[])
+/* x += what the vertices make of p->r */
+static int correct_cells(const DeviceQueue *q, const DevicePressure *p, double *x)
 {
-  double       *x = z, *y = p->x; /* after twice the degree what was x is x again */
-  const double *shifted = b;
-  int           e       = smooth_cells(q, p, 1, b, &x, &y);
+  int e;
 
-  if (!e) e = DevicePressureShift(q, p, b, x, &shifted);
-  if (!e) e = (*q->run->residual_rows)(q, &p->rows, shifted, x, p->r);
-  if (!e) e = (*q->run->zero)(q, (size_t)p->transfer.nvertex * sizeof(double), p->level[0].b);
+  if (p->ranks.ctx) return (*p->ranks.correct)(p->ranks.ctx, p->r, x);
+  e = (*q->run->zero)(q, (size_t)p->transfer.nvertex * sizeof(double), p->level[0].b);
   if (!e) e = (*q->run->add_restricted)(q, &p->transfer, p->r, p->level[0].b);
   if (!e) e = DeviceCycle(q, p->nlevel, 2, p->level);
-  if (!e) e = (*q->run->add_interpolated)(q, &p->transfer, p->level[0].x, x);
-  return e ? e : smooth_cells(q, p, 0, b, &x, &y);
+  return e ? e : (*q->run->add_interpolated)(q, &p->transfer, p->level[0].x, x);
+}
+
+int DevicePressureApply(const DeviceQueue *q, const DevicePressure *p, const double b[], double z[])
+{
+  double       *x = p->ranks.ctx ? p->y : z, *y = p->x; /* after twice the degree what was x is x again */
+  const double *shifted = b, one = 1;
+  int           e = smooth_cells(q, p, 1, b, &x, &y);
+
+  if (!e) e = DevicePressureShift(q, p, b, x, &shifted);
+  if (!e) e = fetch(p, x);
+  if (!e) e = (*q->run->residual_rows)(q, &p->rows, shifted, x, p->r);
+  if (!e) e = correct_cells(q, p, x);
+  if (!e) e = smooth_cells(q, p, 0, b, &x, &y);
+  if (e || !p->ranks.ctx) return e;
+  return (*q->run->combine)(q, (size_t)p->rows.n * 4, 1, (const double *const *)&x, &one, NULL, z);
 }
 #endif

@@ -315,8 +315,9 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   }
   PetscCall(FlowBringFields(f));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
+  if (OnDeviceHelps(f)) PetscCall(OnDeviceTakeRhs(f, r));
   for (PetscInt c = 0; c < l->ncell && !FlowIsPlain(f); c++) PetscCall(take_residual(f, c, r));
-  while (FlowIsPlain(f) && LanesNext(f, &walk, &next)) {
+  while (FlowIsPlain(f) && !OnDeviceHelps(f) && LanesNext(f, &walk, &next)) {
     Lanes x[MESH_MAX_NB * 3];
 
     PetscCall(LanesMomentum(f, &next, NULL, x));

@@ -54,9 +54,11 @@ PetscErrorCode DeviceFieldsCreate(Flow f, OnDevice o)
   DeviceFields          *d         = &o->field;
   double **const         nodal[]   = {&d->u, &d->u_old, &d->u_new, &d->rhs, &d->work},
                  **const by_cell[] = {&d->p, &d->p_old, &d->p_new, &d->dp, &d->cell};
+  PetscMPIInt            size;
 
   PetscFunctionBeginUser;
-  d->allowed = (PetscBool)(f->par.rate_axes == 0);
+  PetscCallMPI(MPI_Comm_size(f->comm, &size));
+  d->allowed = (PetscBool)(f->par.rate_axes == 0 && size == 1);
   d->here = d->w_here = PETSC_TRUE;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(nodal); i++)
     PetscCall(DeviceTake(&o->queue, DeviceNodal(f), NULL, nodal[i]));
@@ -232,6 +234,30 @@ PetscErrorCode OnDeviceAddRhs(Flow f, const PetscReal r[])
   PetscFunctionBeginUser;
   PetscCall(send(o, DeviceNodal(f), r, d->work));
   PetscCall(combine(o, DeviceNodal(f), 2, (const double *[]){d->rhs, d->work}, (double[]){1, 1}, NULL, d->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool OnDeviceHelps(Flow f)
+{
+  PetscMPIInt size = 1;
+
+  if (!f->device || f->device->field.stays || f->step.dt <= 0) return PETSC_FALSE;
+  return (PetscBool)(MPI_Comm_size(f->comm, &size) == MPI_SUCCESS && size == 1);
+}
+
+PetscErrorCode OnDeviceTakeRhs(Flow f, PetscReal r[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(OnDeviceRhs(f));
+  PetscCall(bring(f->device, DeviceNodal(f), f->device->field.rhs, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceSendSolution(Flow f, const PetscReal u[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceFieldsSend(f, f->device));
+  PetscCall(send(f->device, DeviceNodal(f), u, f->device->field.u_new));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

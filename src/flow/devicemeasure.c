@@ -77,7 +77,8 @@ static PetscErrorCode measure_motion(Flow f, FlowAmounts *out)
   for (PetscInt k = 0; k < (theta < 1 ? 2 : 1); k++) {
     PetscReal sum[3];
 
-    PetscCall(FlowMultiplyOnDevice(f, PETSC_FALSE, v[k], d->work));
+    PetscCallDevice(q, (*q->run->zero)(q, DeviceNodal(f) * sizeof(double), d->work));
+    PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, 0, v[k], d->work));
     PetscCallDevice(q, (*q->run->add_mass)(q, &o->cells, &o->form, o->coefficient, -1, 1, &v[k], (double[]){1}, NULL,
                                            d->work));
     PetscCall(take_sums(f, NULL, 1, (const double *[]){d->work}, (double[]){factor[k] / (rho * theta)}, sum));

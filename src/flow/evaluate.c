@@ -281,7 +281,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
   LaneCells       next;
 
   PetscFunctionBeginUser;
-  if (u) {
+  if (u && OnDeviceHelps(f)) PetscCall(OnDeviceSendSolution(f, u));
+  if (u && !OnDeviceHelps(f)) {
     PetscCall(FlowBringFields(f));
     PetscCall(OwnersSumVolumes(f, p, &imposed));
     while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, imposed, &of));

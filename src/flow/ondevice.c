@@ -9,6 +9,56 @@ static const char *const DEVICES[] = {"none", "emulate", "cuda", NULL};
 #define NONE 0
 #define CUDA 2
 
+/* ---- ghosts: PetscSF finds out in which memory arrays lie ---- */
+
+static PetscBool has_ghosts(const struct _p_Flow *f)
+{
+  return (PetscBool)(f->loc->nnode < f->loc->nnode_all);
+}
+
+static PetscErrorCode copy(OnDevice o, size_t n, const double from[], double to[])
+{
+  PetscFunctionBeginUser;
+  PetscCallDevice(&o->queue, (*o->queue.run->combine)(&o->queue, n, 1, &from, (double[]){1}, NULL, to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *all = x [nnode][3] with the values at ghosts. Collective. */
+static PetscErrorCode fetch_nodes(Flow f, const PetscReal x[], const PetscReal **all)
+{
+  OnDevice o = f->device;
+
+  PetscFunctionBeginUser;
+  *all = x;
+  if (has_ghosts(f)) {
+    PetscCall(copy(o, DeviceNodal(f), x, o->from));
+    *all = o->from;
+  }
+  PetscCall(MeshFetchNodes(f->mesh, 3, x, has_ghosts(f) ? o->from : (PetscReal *)x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *all = zeros [nnode_all][bs], which end_sum brings together in y [nnode][bs] */
+static PetscErrorCode begin_sum(Flow f, PetscInt bs, PetscReal y[], PetscReal **all)
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  *all = has_ghosts(f) ? o->to : y;
+  PetscCallDevice(q, (*q->run->zero)(q, (size_t)(f->loc->nnode_all * bs) * sizeof(double), *all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Collective. */
+static PetscErrorCode end_sum(Flow f, PetscInt bs, PetscReal all[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshSumNodes(f->mesh, bs, all));
+  if (all != y) PetscCall(copy(f->device, (size_t)(f->loc->nnode * bs), all, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- life cycle ---- */
 
 /* Have all terms in cells been described? */
@@ -22,10 +72,7 @@ static PetscBool knows_terms(const struct _p_Flow *f)
 
 static PetscErrorCode refuse(Flow f, const char device[])
 {
-  PetscMPIInt size;
-
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(f->comm, &size));
   PetscCheck(f->loc->dim == 3, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries scenes in space, and this one is plane: remove it", device);
   PetscCheck(f->matrix.free, f->comm, PETSC_ERR_SUP,
@@ -33,11 +80,9 @@ static PetscErrorCode refuse(Flow f, const char device[])
              device);
   PetscCheck(!f->material, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries -flow_rheology newton alone: remove one of them", device);
-  PetscCheck(size == 1, f->comm, PETSC_ERR_SUP,
-             "Option -device %s: a device carries one rank, not %d: use mpiexec -n 1", device, (int)size);
-  PetscCheck(f->loc->nnode < DEVICE_MAX_NODES, f->comm, PETSC_ERR_SUP,
+  PetscCheck(f->loc->nnode_all < DEVICE_MAX_NODES, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries less than %d nodes, not %" PetscInt_FMT ": take fewer cells", device,
-             DEVICE_MAX_NODES, f->loc->nnode);
+             DEVICE_MAX_NODES, f->loc->nnode_all);
   PetscCheck(sizeof(PetscReal) == sizeof(double), f->comm, PETSC_ERR_SUP,
              "Option -device %s: this PETSc has numbers of another precision than double", device);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -51,7 +96,7 @@ static PetscErrorCode set_fixed(Flow f, OnDevice o)
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(f->boundary, &fixed, NULL));
-  PetscCall(DeviceTake(&o->queue, f->loc->nnode, fixed, &there));
+  PetscCall(DeviceTake(&o->queue, f->loc->nnode_all, fixed, &there));
   PetscCallDevice(&o->queue, (*o->queue.run->set_fixed)(&o->queue, &o->cells, there, (int *)o->cells.node));
   PetscCall(DeviceFree(&o->queue, &there));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -63,7 +108,11 @@ static PetscErrorCode create_on_mesh(Flow f, OnDevice o)
   PetscFunctionBeginUser;
   PetscCall(FlowCreateDeviceCells(f, &o->queue, f->loc->ncell, NULL, &o->cells));
   PetscCall(set_fixed(f, o));
-  PetscCall(DeviceTake(&o->queue, f->loc->nnode * 3, NULL, &o->w));
+  PetscCall(DeviceTake(&o->queue, f->loc->nnode_all * 3, NULL, &o->w));
+  if (has_ghosts(f)) {
+    PetscCall(DeviceTake(&o->queue, f->loc->nnode_all * 3, NULL, &o->from));
+    PetscCall(DeviceTake(&o->queue, f->loc->nnode_all * 3, NULL, &o->to));
+  }
   PetscCall(DeviceFieldsCreate(f, o));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -76,6 +125,8 @@ static PetscErrorCode destroy_on_mesh(OnDevice o)
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
   PetscCall(DeviceMomentsDestroy(o));
   PetscCall(DeviceFree(&o->queue, &o->w));
+  PetscCall(DeviceFree(&o->queue, &o->from));
+  PetscCall(DeviceFree(&o->queue, &o->to));
   PetscCall(DeviceFree(&o->queue, &o->coefficient));
   o->capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -156,7 +207,7 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, NULL, &o->divergence));
   FlowGetDeviceForm(f, &o->form, &nu);
   if (f->par.convection && !o->field.w_there)
-    PetscCallDevice(q, (*q->run->upload)(q, DeviceNodal(f) * sizeof(double), f->w, o->w));
+    PetscCallDevice(q, (*q->run->upload)(q, (size_t)f->loc->nnode_all * 3 * sizeof(double), f->w, o->w));
   PetscCall(DeviceSetCoefficients(o, &o->cells, o->w, &o->coefficient, &o->capacity));
   PetscCall(DeviceMomentsUpdate(f, o));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -171,11 +222,15 @@ PetscErrorCode FlowMultiplyOnDevice(Flow f, PetscBool masked, const PetscReal x[
 {
   OnDevice           o = f->device;
   const DeviceQueue *q = &o->queue;
+  const PetscReal   *from;
+  PetscReal         *to;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
-  PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, x, y));
-  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.multiply_moments)(q, &o->moments.on, x, y));
+  PetscCall(fetch_nodes(f, x, &from));
+  PetscCall(begin_sum(f, 3, y, &to));
+  PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, from, to));
+  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.multiply_moments)(q, &o->moments.on, from, to));
+  PetscCall(end_sum(f, 3, to, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -201,11 +256,13 @@ static PetscErrorCode take_diagonal(Flow f)
 {
   OnDevice           o = f->device;
   const DeviceQueue *q = &o->queue;
+  PetscReal         *to;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * sizeof(double), o->field.work));
-  PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, o->field.work));
-  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.add_moments_diagonal)(q, &o->moments.on, o->field.work));
+  PetscCall(begin_sum(f, 1, o->field.work, &to));
+  PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, to));
+  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.add_moments_diagonal)(q, &o->moments.on, to));
+  PetscCall(end_sum(f, 1, to, o->field.work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -239,6 +296,7 @@ PetscErrorCode FlowDivergenceOnDevice(Flow f, PetscReal factor, const PetscReal 
   const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
+  PetscCall(fetch_nodes(f, u, &u));
   PetscCallDevice(q, (*q->run->divergence)(q, &o->cells, &o->divergence, factor, u, 0, NULL, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -247,10 +305,12 @@ PetscErrorCode FlowGradientOnDevice(Flow f, PetscReal factor, const PetscReal p[
 {
   OnDevice           o = f->device;
   const DeviceQueue *q = &o->queue;
+  PetscReal         *to;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
-  PetscCallDevice(q, (*q->run->add_gradient)(q, &o->cells, &o->divergence, 1, factor, NULL, p, y));
+  PetscCall(begin_sum(f, 3, y, &to));
+  PetscCallDevice(q, (*q->run->add_gradient)(q, &o->cells, &o->divergence, 1, factor, NULL, p, to));
+  PetscCall(end_sum(f, 3, to, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

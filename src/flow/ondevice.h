@@ -1,6 +1,7 @@
 /* OnDevice: the flow's cells, its velocity operator and its fields in the memory of a device (device/device.h). Inside
-   of flow. Made where -device asks for it; on one rank, in space, without a matrix. ondevice.c: memory, operator;
-   devicefields.c: fields of a step; devicemeasure.c: what a solution amounts to. */
+   of flow. Made where -device asks for it; in space, without a matrix. ondevice.c: operator; devicemoments.c: terms of
+   participants; devicefields.c: fields of a step, on one rank; devicemeasure.c: what a solution amounts to;
+   devicememory.c. */
 #pragma once
 #include "device/device.h"
 #include "flow/flow.h"
@@ -15,7 +16,7 @@ PetscErrorCode OnDeviceDestroy(OnDevice *);
 PetscErrorCode OnDeviceRemesh(Flow);
 /* The operator of the step's coefficients. Local. */
 PetscErrorCode OnDeviceUpdate(Flow);
-/* y = S x, d = its diagonal, for arrays of the host. Local. */
+/* y = S x, d = its diagonal, for arrays of the host. Collective. */
 PetscErrorCode OnDeviceMultiply(Flow, const PetscReal x[], PetscReal y[]);
 PetscErrorCode OnDeviceGetDiagonal(Flow, PetscReal d[]);
 
@@ -35,6 +36,12 @@ PetscErrorCode OnDeviceExtrapolate(Flow);
 /* Without what the host adds then, r [nnode][dim] */
 PetscErrorCode OnDeviceRhs(Flow);
 PetscErrorCode OnDeviceAddRhs(Flow, const PetscReal r[]);
+/* Where fields do not stay there (bodies), on one rank: does it make the right-hand side and the amounts of a step from
+   fields of the host all the same? Then r [nnode][dim] <- that of OnDeviceRhs; the solution u goes over, for
+   OnDeviceMeasure. */
+PetscBool      OnDeviceHelps(Flow);
+PetscErrorCode OnDeviceTakeRhs(Flow, PetscReal r[]);
+PetscErrorCode OnDeviceSendSolution(Flow, const PetscReal u[]);
 PetscErrorCode OnDeviceAccept(Flow);
 /* The solution of the step to arrays of the host */
 PetscErrorCode OnDeviceTakeLast(Flow, PetscReal u[], PetscReal p[]);

@@ -32,7 +32,8 @@ struct _p_OnDevice {
   DeviceCells      cells;
   DeviceForm       form;
   DeviceDivergence divergence;
-  double          *w;           /* [nnode][3] convecting velocity */
+  double          *w;           /* [nnode_all][3] convecting velocity */
+  double          *from, *to;   /* [nnode_all][3] with ghosts, where there are some */
   double          *coefficient; /* at the points, see DeviceCoefficients */
   size_t           capacity;    /* of those */
   MomentsOnDevice  moments;

@@ -144,7 +144,7 @@ static PetscErrorCode set_inner(FlowSolver fs)
   PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
   PetscCall(OptDefault(VELOCITY "ksp_max_it", FlowHasSymmetricStress(fs->flow) ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 && !FlowSolverIsOnDevice(fs) ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol",
                        FlowHasSymmetricStress(fs->flow) && fs->set.kind != SOLVER_FAST ? "1e-2"

@@ -125,6 +125,28 @@ def test_same_bodies(run, tmp_path, case):
     assert max(abs(float(m["w"])) for m in motion) > 0.05
 
 
+@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("bodied", [False, True])
+def test_ranks(run, tmp_path, ranks, bodied):
+    """A device a rank: the numbers of one rank, with cells in which nodes hang, and with bodies that ranks share."""
+    scene = tmp_path / "bodies.yaml"
+    scene.write_text(BODIES)
+    refined = ["-mesh_levels", 1, "-mesh_refine", "a", "-mesh_box_a_corners", "0,0,0,0.4,0.4,0.4", "-mesh_cells", "4,4,4"]
+    case = [*CAVITY, *WHOLE, *refined]
+    if bodied:
+        case = [scene, "-mesh_cells", "6,6,8", *TIGHT, "-output_every", 0, "-output_dir", "out", "-output_overwrite"]
+    flow, motion = [], []
+    for n in (1, ranks):
+        result = run([*case, "-sim_steps", 3, "-device", DEVICE], ranks=n, timeout=300)
+        flow.append(series(result))
+        motion.append(bodies(result) if bodied else [])
+    assert_iterations(flow[1], flow[0], 3)  # the vertices' level of the pressure is another one
+    assert apart(*flow, ["kinetic_energy"]) <= 1e-10
+    if bodied:
+        assert apart(*motion, "uvw") <= 1e-10
+        assert apart(*motion, ["force_x", "force_y", "force_z"]) <= 1e-9
+
+
 @pytest.mark.skipif(DEVICE != "emulate", reason="counts what the emulation's memory is given")
 @pytest.mark.parametrize("convection", ["true", "false"])
 def test_no_field_crosses(run, monkeypatch, convection):

@@ -40,6 +40,7 @@ typedef struct {
   /* of BlockGSSetDevice, or NULL */
   const DeviceQueue *queue;
   const DeviceRows  *rows;
+  PetscReal         *all;
 } BlockGS;
 
 INLINE wide load_column(const float *v)
@@ -190,13 +191,18 @@ static PetscErrorCode multiply_sparse(BlockGS *g, PetscBool exact, Vec x, Vec y)
 
 static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
 {
-  const PetscReal *xa;
+  const PetscReal *xa, one = 1;
   PetscReal       *ya;
 
   PetscFunctionBeginUser;
   PetscCall(DeviceVecGetRead(g->queue, x, &xa));
   PetscCall(DeviceVecGetWrite(g->queue, y, &ya));
-  PetscCallDevice(g->queue, (*g->queue->run->multiply_rows)(g->queue, g->rows, xa, ya));
+  if (g->sf) {
+    PetscCallDevice(g->queue, (*g->queue->run->combine)(g->queue, (size_t)(g->n * g->nk), 1, &xa, &one, NULL, g->all));
+    PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
+    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
+  }
+  PetscCallDevice(g->queue, (*g->queue->run->multiply_rows)(g->queue, g->rows, g->sf ? g->all : xa, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -581,11 +587,12 @@ PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *v)
                             .inverse = g->inverse,
                             .n       = g->n,
                             .nk      = g->nk,
-                            .nblock  = g->pool.used};
+                            .nblock  = g->pool.used,
+                            .nghost  = g->sf ? g->nghost : 0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *queue, const DeviceRows *rows)
+PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *queue, const DeviceRows *rows, PetscReal all[])
 {
   BlockGS *g;
 
@@ -593,5 +600,17 @@ PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *queue, const Devic
   PetscCall(MatShellGetContext(shell, &g));
   g->queue = queue;
   g->rows  = rows;
+  g->all   = all;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSFetchGhosts(Mat shell, const PetscReal x[], PetscReal ghost[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, ghost, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, ghost, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

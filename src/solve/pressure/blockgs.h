@@ -61,8 +61,11 @@ struct _p_RowsView {
   const PetscInt  *start, *column, *at; /* [n + 1]; in blocks */
   const PetscReal *exact;               /* [blocks][nk][nk], NULL: in single precision only */
   const float     *single, *inverse;
-  PetscInt         n, nk, nblock;
+  PetscInt         n, nk, nblock, nghost;
 };
 PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *);
-/* From now on BlockGSMultiplySparse takes vectors in the queue's memory, by these rows. Borrowed. Not collective. */
-PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *, const DeviceRows *);
+/* From now on BlockGSMultiplySparse takes vectors in the queue's memory, by these rows; all: room for own blocks and
+   those of other ranks, NULL on one rank. Borrowed. Not collective. */
+PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *, const DeviceRows *, PetscReal all[]);
+/* Blocks [nghost][nk] of x, own ones, that other ranks have; in one memory. Collective. */
+PetscErrorCode BlockGSFetchGhosts(Mat shell, const PetscReal x[], PetscReal ghost[]);

@@ -26,41 +26,69 @@ static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], P
 }
 
 /* Values in double precision, also where the rows have single precision only */
-static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to)
+static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to,
+                                  size_t *room)
 {
   PetscReal *value;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(v->nblock * 16, &value));
   for (PetscInt e = 0; e < v->nblock * 16; e++) value[e] = v->exact ? v->exact[e] : (PetscReal)v->single[e];
-  PetscCall(DeviceTake(queue, v->nblock * 16, value, to));
+  PetscCall(DeviceRenew(queue, v->nblock * 16, value, to, room));
   PetscCall(PetscFree(value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where rows stand, the kinds of their inverses, and these */
+static PetscErrorCode take_kinds(const DeviceQueue *queue, const struct _p_RowsView *v, DeviceRows *r, size_t room[])
+{
+  PetscInt *kind, *from, nkind;
+  int      *number;
+  float    *inverse;
+  size_t    n[2] = {room[2], room[2]};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(v->n, &kind, v->n, &from, v->n, &number));
+  PetscCall(list_kinds(v, kind, from, &nkind));
+  PetscCall(PetscMalloc1(nkind * 16, &inverse));
+  for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(inverse + k * 16, v->inverse + from[k] * 16, 16));
+  for (PetscInt i = 0; i < v->n; i++) number[i] = (int)v->at[i];
+  PetscCall(DeviceRenew(queue, v->n, number, &r->at, &n[0]));
+  for (PetscInt i = 0; i < v->n; i++) number[i] = (int)kind[i];
+  PetscCall(DeviceRenew(queue, v->n, number, &r->kind, &n[1]));
+  PetscCall(DeviceRenew(queue, nkind * 16, inverse, &r->inverse, &room[3]));
+  room[2] = n[0];
+  PetscCall(PetscFree(inverse));
+  PetscCall(PetscFree3(kind, from, number));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceRowsRenew(const DeviceQueue *queue, Mat shell, DeviceRows *r, size_t room[])
+{
+  struct _p_RowsView v;
+
+  PetscFunctionBeginUser;
+  PetscCall(BlockGSGetRows(shell, &v));
+  PetscCheck(v.nk == 4, PETSC_COMM_SELF, PETSC_ERR_SUP, "Rows of the pressure on a device are for meshes in space");
+  if (!r->start) {
+    PetscCall(PetscArrayzero(room, 4));
+    *r = (DeviceRows){.n = (int)v.n};
+    PetscCall(DeviceTakeInts(queue, v.n + 1, v.start, &r->start));
+    PetscCall(DeviceTakeInts(queue, v.start[v.n], v.column, &r->column));
+  }
+  PetscCall(take_values(queue, &v, &r->value, &room[0]));
+  PetscCall(DeviceRenew(queue, v.nblock * 16, v.single, &r->single, &room[1]));
+  PetscCall(take_kinds(queue, &v, r, room));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows *r)
 {
-  struct _p_RowsView v;
-  PetscInt          *kind, *from, nkind;
-  float             *inverse;
+  size_t room[4] = {0};
 
   PetscFunctionBeginUser;
-  PetscCall(BlockGSGetRows(shell, &v));
-  PetscCheck(v.nk == 4, PETSC_COMM_SELF, PETSC_ERR_SUP, "Rows of the pressure on a device are for meshes in space");
-  PetscCall(PetscMalloc2(v.n, &kind, v.n, &from));
-  PetscCall(list_kinds(&v, kind, from, &nkind));
-  PetscCall(PetscMalloc1(nkind * 16, &inverse));
-  for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(inverse + k * 16, v.inverse + from[k] * 16, 16));
-  *r = (DeviceRows){.n = (int)v.n};
-  PetscCall(DeviceTakeInts(queue, v.n + 1, v.start, &r->start));
-  PetscCall(DeviceTakeInts(queue, v.start[v.n], v.column, &r->column));
-  PetscCall(DeviceTakeInts(queue, v.n, v.at, &r->at));
-  PetscCall(DeviceTakeInts(queue, v.n, kind, &r->kind));
-  PetscCall(take_values(queue, &v, &r->value));
-  PetscCall(DeviceTake(queue, v.nblock * 16, v.single, &r->single));
-  PetscCall(DeviceTake(queue, nkind * 16, inverse, &r->inverse));
-  PetscCall(PetscFree(inverse));
-  PetscCall(PetscFree2(kind, from));
+  *r = (DeviceRows){0};
+  PetscCall(DeviceRowsRenew(queue, shell, r, room));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

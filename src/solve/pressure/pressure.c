@@ -144,7 +144,8 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscCheck(p->cycle.own || !FlowGetQueue(p->flow), p->comm, PETSC_ERR_SUP,
              "Option -device: a device carries the pressure's own preconditioner alone: leave -flow_fieldsplit_pressure_pc_type and -flow_fieldsplit_pressure_mg_ options out");
   if (p->cycle.own && PressureIsOnDevice(p)) PetscCall(PressureSetUpDevice(p));
-  else if (p->cycle.own) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
+  if (p->cycle.own && (!PressureIsOnDevice(p) || p->device->cycle.ranks.ctx))
+    PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
   if (!mg || !p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));

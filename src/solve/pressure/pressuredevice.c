@@ -1,11 +1,12 @@
 /* Pressure: the cycle over cells and vertices on a device (device/device.h): Chebyshev polynomials in place of block
    Gauss-Seidel, which cells side by side cannot do, lattices of twice the width or aggregation below the vertices. On
-   one rank, in space. */
+   one rank; on several the vertices are the processor's (deviceranks.c). In space. */
 #include "compat.h"
 #include "devicelevels.h"
 #include "devicerows.h"
 #include "pressureimpl.h"
 
+#define KEEP   0.03 /* share of the cells whose rows may change before the levels of the vertices are made anew */
 #define DEGREE 3
 #define POWER  15
 #define LARGER 1.1
@@ -15,16 +16,26 @@ PetscBool PressureIsOnDevice(Pressure p)
   return (PetscBool)(FlowGetQueue(p->flow) && p->nodes.block_gs);
 }
 
+static PetscErrorCode clear_vertices(struct _p_PressureDevice *d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
+  PetscCall(DeviceLevelsDestroy(d->queue, d->cycle.nlevel, &d->cycle.level));
+  d->cycle.nlevel = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode clear(struct _p_PressureDevice *d)
 {
   PetscFunctionBeginUser;
   if (!d->cycle.x) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DeviceRowsDestroy(d->queue, &d->cycle.rows));
-  PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
-  PetscCall(DeviceLevelsDestroy(d->queue, d->cycle.nlevel, &d->cycle.level));
+  PetscCall(clear_vertices(d));
   PetscCall(DeviceFree(d->queue, &d->cycle.x));
   PetscCall(DeviceFree(d->queue, &d->cycle.r));
   PetscCall(DeviceFree(d->queue, &d->cycle.d));
+  PetscCall(DeviceFree(d->queue, &d->cycle.y));
+  PetscCall(DeviceFree(d->queue, &d->all));
   d->cycle.x = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -35,17 +46,19 @@ PetscErrorCode PressureDestroyDevice(Pressure p)
   if (!p->device) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(clear(p->device));
   PetscCall(PressureFreeBodiesOnDevice(p));
+  PetscCall(PressureLeaveRanks(p));
   PetscCall(PetscFree(p->device));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* A bound of the eigenvalues of D^-1 S_p, by powers; x, r, d of the cycle are lost */
-static PetscErrorCode find_largest(struct _p_PressureDevice *d)
+static PetscErrorCode find_largest(Pressure p)
 {
-  const DeviceQueue *q = d->queue;
-  const size_t       n = (size_t)d->cycle.rows.n * 4, bytes = n * sizeof(double);
-  double            *x = d->cycle.x, *y = d->cycle.d, *zero, *sums, before = 0, square;
-  PetscReal         *noise;
+  struct _p_PressureDevice *d = p->device;
+  const DeviceQueue        *q = d->queue;
+  const size_t              n = (size_t)d->cycle.rows.n * 4, bytes = n * sizeof(double);
+  double                   *x = d->cycle.x, *y = d->cycle.d, *zero, *sums, before = 0, square;
+  PetscReal                *noise;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n, &noise));
@@ -61,9 +74,11 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
     DeviceChebyshev step  = {.c2 = scale, .x = x, .d = y, .x_new = d->cycle.r};
 
     PetscCallDevice(q, DevicePressureShift(q, &d->cycle, zero, x, &step.b));
+    if (d->cycle.ranks.ctx) PetscCallDevice(q, (*d->cycle.ranks.fetch)(d->cycle.ranks.ctx, x));
     PetscCallDevice(q, (*q->run->smooth_rows)(q, &d->cycle.rows, &step));
     PetscCallDevice(q, (*q->run->dot)(q, n, y, y, NULL, NULL, sums, sums + DEVICE_PARTIAL));
     PetscCallDevice(q, (*q->run->download)(q, sizeof(square), sums + DEVICE_PARTIAL, &square));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &square, 1, MPIU_REAL, MPIU_SUM, p->comm));
     if (k > 0) d->cycle.largest = PetscSqrtReal(square / before) / scale;
     before = square;
     x      = y;
@@ -75,37 +90,62 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The level of the vertices and those below it, on one rank */
+static PetscErrorCode take_vertices(Pressure p, struct _p_PressureDevice *d)
+{
+  PetscInt   nlevel;
+  DeviceGrid grid;
+  Transfer   transfer;
+  Mat        A;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoarseGetMatrix(p->coarse, &A));
+  PetscCall(CoarseGetTransfer(p->coarse, &transfer));
+  PetscCall(DeviceTransferCreate(d->queue, transfer, p->loc->ncell, &d->cycle.transfer));
+  PetscCall(DeviceGridCreate(p->mesh, transfer, &grid));
+  PetscCall(DeviceLevelsCreate(d->queue, A, &grid, p->floating, &nlevel, &d->cycle.level));
+  PetscCall(DeviceGridDestroy(&grid));
+  d->cycle.nlevel = (int)nlevel;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_work(struct _p_PressureDevice *d, PetscInt n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceTake(d->queue, n, NULL, &d->cycle.x));
+  PetscCall(DeviceTake(d->queue, n, NULL, &d->cycle.r));
+  PetscCall(DeviceTake(d->queue, n, NULL, &d->cycle.d));
+  if (!d->cycle.ranks.ctx) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DeviceTake(d->queue, n, NULL, &d->cycle.y));
+  PetscCall(DeviceTake(d->queue, n, NULL, &d->all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureSetUpDevice(Pressure p)
 {
   struct _p_PressureDevice *d;
-  const DeviceQueue        *q = FlowGetQueue(p->flow);
-  const PetscInt            n = p->loc->ncell * p->nk;
-  PetscInt                  nlevel;
-  DeviceGrid                grid;
-  Transfer                  transfer;
-  Mat                       A;
+  struct _p_RowsView        rows;
 
   PetscFunctionBeginUser;
   if (!p->device) PetscCall(PetscNew(&p->device));
   d        = p->device;
-  d->queue = q;
+  d->queue = FlowGetQueue(p->flow);
+  PetscCall(PressureMeetRanks(p));
   PetscCall(PressureListBodiesOnDevice(p));
-  if (d->cycle.x && !p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(clear(d));
-  PetscCall(CoarseGetMatrix(p->coarse, &A));
-  PetscCall(CoarseGetTransfer(p->coarse, &transfer));
-  PetscCall(DeviceRowsCreate(q, p->nodes.matrix, &d->cycle.rows));
-  PetscCall(DeviceTransferCreate(q, transfer, p->loc->ncell, &d->cycle.transfer));
-  PetscCall(DeviceGridCreate(p->mesh, transfer, &grid));
-  PetscCall(DeviceLevelsCreate(q, A, &grid, p->floating, &nlevel, &d->cycle.level));
-  PetscCall(DeviceGridDestroy(&grid));
-  d->cycle.nlevel = (int)nlevel;
+  if (!d->cycle.x) p->device_stale = PETSC_TRUE;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &p->device_stale, 1, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
+  if (!p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, &d->cycle.rows, d->room));
+  if (!d->cycle.ranks.ctx && (!d->cycle.level || p->device_changed > KEEP * (PetscReal)p->loc->ncell)) {
+    PetscCall(clear_vertices(d));
+    PetscCall(take_vertices(p, d));
+    p->device_changed = 0;
+  }
   d->cycle.degree = DEGREE;
-  PetscCall(DeviceTake(q, n, NULL, &d->cycle.x));
-  PetscCall(DeviceTake(q, n, NULL, &d->cycle.r));
-  PetscCall(DeviceTake(q, n, NULL, &d->cycle.d));
-  PetscCall(find_largest(d));
-  PetscCall(BlockGSSetDevice(p->nodes.matrix, q, &d->cycle.rows));
+  PetscCall(BlockGSGetRows(p->nodes.matrix, &rows));
+  if (!d->cycle.x) PetscCall(take_work(d, (rows.n + rows.nghost) * 4));
+  PetscCall(find_largest(p));
+  PetscCall(BlockGSSetDevice(p->nodes.matrix, d->queue, &d->cycle.rows, d->all));
   p->device_stale = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -80,6 +80,7 @@ struct _p_Pressure {
   /* its cycle on a device (pressuredevice.c), NULL: none; rows have changed since */
   struct _p_PressureDevice *device;
   PetscBool                 device_stale;
+  PetscReal                 device_changed; /* rows since its levels were made */
 };
 
 #define UNKNOWN -1 /* weight of a node whose cells have changed */
@@ -117,15 +118,17 @@ PetscErrorCode PressureTakeCycle(Pressure, PC);
 struct _p_PressureDevice {
   const DeviceQueue *queue;
   DevicePressure     cycle;
-  size_t             capacity[8];
+  size_t             capacity[8], room[4];
   int                ninterior, nshared; /* slots of cells inside of bodies; cells of GapCells */
   const int         *interior, *shared;
   double            *nothing, *gap; /* [ninterior] zeros; [nshared][4] */
   double            *constant;      /* [ncell][4] a constant pressure */
   double            *sums;          /* [DEVICE_PARTIAL + 2] */
+  PetscReal         *here;          /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
+  double            *correction, *all; /* of products, with blocks of other ranks */
 };
 
-/* pressuredevice.c: is the cycle done on a device? One rank, in space. Its set-up, where rows have changed; z = cycle
+/* pressuredevice.c: is the cycle done on a device? In space. Its set-up, where rows have changed; z = cycle
    b; what it keeps. Collective. */
 PetscErrorCode PressureSetUpDevice(Pressure);
 PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
@@ -136,3 +139,7 @@ PetscErrorCode PressureDestroyDevice(Pressure);
 PetscErrorCode PressureListBodiesOnDevice(Pressure);
 PetscErrorCode PressureFreeBodiesOnDevice(Pressure);
 PetscErrorCode PressureMultOnDevice(Pressure, Vec x, Vec y);
+
+/* deviceranks.c: on several ranks, what the cycle has to do with the others. Not collective. */
+PetscErrorCode PressureMeetRanks(Pressure);
+PetscErrorCode PressureLeaveRanks(Pressure);

@@ -343,6 +343,7 @@ PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscI
   for (PetscInt i = 0; i < n; i++) list_cell(p, changed[i]);
   PetscCall(set_rows(p, b, weight));
   if (p->list.n) p->device_stale = PETSC_TRUE;
+  p->device_changed += (PetscReal)p->list.n;
   PetscCall(MatAssemblyBegin(p->nodes.matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->nodes.matrix, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
