@@ -1,15 +1,15 @@
 /* The flow on a device: with -device, vectors of solvers lie in its memory, and products are made there by the kernels
    of device/device.h. Where FlowStaysOnDevice, the fields of a step lie there too and go to the host only when somebody
-   asks for them. Arrays below lie there, except where "host" is said. Products, of own nodes and cells, are collective: each rank has a
-   device, and PetscSF brings values at ghosts. */
+   asks for them. Arrays below lie there, except where "host" is said. Products, of own nodes and cells, are collective:
+   each rank has a device, and PetscSF brings values at ghosts. */
 #pragma once
 #include "device/device.h"
 #include "flow/flow.h"
 
 /* NULL: everything lies in the memory of the processor */
 const DeviceQueue *FlowGetQueue(Flow);
-/* y [nnode][dim] = S x, of own nodes. masked: components that boundary conditions fix count as zero in x, and are zero in y, but for
-   terms of participants, which take x as it is. */
+/* y [nnode][dim] = S x, of own nodes. masked: components that boundary conditions fix count as zero in x, and are zero
+   in y, but for terms of participants, which take x as it is. */
 PetscErrorCode FlowMultiplyOnDevice(Flow, PetscBool masked, const PetscReal x[], PetscReal y[]);
 /* inverse [nnode][dim] = 1 over the diagonal of S, which counts as `min` lumped masses at least; 0 where it is 0 */
 PetscErrorCode FlowInvertDiagonalOnDevice(Flow, PetscReal min, PetscReal inverse[]);

@@ -5,8 +5,7 @@
 #include "base/algebra.h"
 #include "base/inline.h"
 #include "base/rowtype.h"
-#include "rowpool.h"
-#include "../devicevec.h"
+#include "blockgsimpl.h"
 
 #define MAX_NK   4
 #define RANK(nk) ((nk) == 3 ? 3 : 6) /* columns of a block of the low-rank part: rigid motions in 2 and 3 dimensions */
@@ -15,33 +14,6 @@
 typedef double wide __attribute__((vector_size(32)));
 typedef double loose __attribute__((vector_size(32), aligned(8)));
 typedef float  narrow __attribute__((vector_size(16), aligned(4)));
-
-typedef struct {
-  MPI_Comm         comm;
-  PetscInt         nk, n, nghost; /* block size, own block rows, columns of other ranks */
-  const PetscInt  *start, *column;
-  PetscInt        *own, *before;     /* [n] own columns of a row, which come first; those before the diagonal */
-  RowPool          pool;             /* blocks [nk][nk] column by column */
-  float           *inverse;          /* [n][nk][nk], likewise */
-  PetscInt         nborder, *border; /* rows with columns of other ranks */
-  PetscReal       *ghost, *residual; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
-  unsigned char   *fine;             /* [n] which rows products take exactly, or NULL: all, if exact */
-  PetscSF          sf;               /* NULL on one rank */
-  MPI_Datatype     unit;             /* nk reals */
-  const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
-  /* W, see BlockGSSetLowRank */
-  PetscInt         nt, nw, *w_row, *w_column;
-  SharedReduction  shared_reduction; /* of the block columns, borrowed */
-  PetscBool        any;              /* a part of low rank has been set */
-  const PetscReal *w;                /* [nw][nk][nr], borrowed */
-  PetscReal       *t;                /* [nt] W^T x, nr numbers for every block column */
-  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
-  PetscReal *factor;
-  /* of BlockGSSetDevice, or NULL */
-  const DeviceQueue *queue;
-  const DeviceRows  *rows;
-  PetscReal         *all;
-} BlockGS;
 
 INLINE wide load_column(const float *v)
 {
@@ -189,32 +161,13 @@ static PetscErrorCode multiply_sparse(BlockGS *g, PetscBool exact, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
-{
-  const PetscReal *xa, one = 1;
-  PetscReal       *ya;
-
-  PetscFunctionBeginUser;
-  PetscCall(DeviceVecGetRead(g->queue, x, &xa));
-  PetscCall(DeviceVecGetWrite(g->queue, y, &ya));
-  if (g->sf) {
-    PetscCallDevice(g->queue, (*g->queue->run->combine)(g->queue, (size_t)(g->n * g->nk), 1, &xa, &one, NULL, g->all));
-    PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
-  }
-  PetscCallDevice(g->queue, (*g->queue->run->multiply_rows)(g->queue, g->rows, g->sf ? g->all : xa, ya));
-  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
-  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
 {
   BlockGS *g;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  if (g->queue) PetscCall(mult_on_device(g, x, y));
+  if (g->queue) PetscCall(BlockGSMultiplyOnDevice(g, x, y));
   else PetscCall(multiply_sparse(g, g->pool.keep, x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -570,47 +523,5 @@ PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBo
   PetscCall(MatShellSetOperation(*shell, MATOP_MULT, (void (*)(void))mult_blocks));
   PetscCall(MatShellSetOperation(*shell, MATOP_SOR, (void (*)(void))sweep_blocks));
   PetscCall(MatShellSetOperation(*shell, MATOP_DESTROY, (void (*)(void))destroy_blocks));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *v)
-{
-  BlockGS *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(shell, &g));
-  *v = (struct _p_RowsView){.start   = g->start,
-                            .column  = g->column,
-                            .at      = g->pool.at,
-                            .exact   = g->pool.keep ? g->pool.exact : NULL,
-                            .single  = g->pool.value,
-                            .inverse = g->inverse,
-                            .n       = g->n,
-                            .nk      = g->nk,
-                            .nblock  = g->pool.used,
-                            .nghost  = g->sf ? g->nghost : 0};
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *queue, const DeviceRows *rows, PetscReal all[])
-{
-  BlockGS *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(shell, &g));
-  g->queue = queue;
-  g->rows  = rows;
-  g->all   = all;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BlockGSFetchGhosts(Mat shell, const PetscReal x[], PetscReal ghost[])
-{
-  BlockGS *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(shell, &g));
-  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, ghost, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, ghost, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
