@@ -19,8 +19,17 @@ typedef struct {
   PetscReal x[3], angle; /* of the shape's centroid at the start */
   Expr      region;      /* in place of a shape: negative where the fluid is at the start */
   PetscBool wets;
-  PetscReal contact; /* angle at walls, if it wets them; rad */
+  PetscReal contact;  /* angle at walls, if it wets them; rad */
+  PetscBool never;    /* its drops merge with none */
+  PetscReal film;     /* thickness at which films between drops break, 0: that of a cell */
+  PetscReal drainage; /* how long drops are neighbours before they merge */
 } DropGroup;
+
+/* Two drops that are near each other */
+typedef struct {
+  PetscInt  drop[2];    /* numbers, ascending */
+  PetscReal since, gap; /* time, length */
+} DropPair;
 
 typedef struct {
   PetscInt  number, group;
@@ -37,10 +46,13 @@ typedef struct {
   PetscInt         numbers;        /* that have been given so far */
   PetscInt         merged, broken; /* events so far */
   PetscInt         vanished;       /* group of a drop that has vanished, -1: none has */
-  PetscReal        lost;           /* volume of drops that vanished so far */
-  PetscReal        shift;          /* largest way along its normals that kept a volume in the last step, cells */
-  PhaseInterface   interface;      /* at the end of the last step; nothing before the first */
-  const PetscInt  *cell_drop;      /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
+  PetscInt         npair;          /* neighbours in the last step, where drops may stay apart */
+  DropPair        *pair;
+  PetscReal        time;      /* of that step */
+  PetscReal        lost;      /* volume of drops that vanished so far */
+  PetscReal        shift;     /* largest way along its normals that kept a volume in the last step, cells */
+  PhaseInterface   interface; /* at the end of the last step; nothing before the first */
+  const PetscInt  *cell_drop; /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
 } DropsState;
 
 typedef struct _p_Drops *Drops;
@@ -64,6 +76,12 @@ PetscErrorCode DropsStartDistance(Drops, PetscInt n, const PetscReal x[], PetscR
 PetscErrorCode DropsStartClosest(Drops, PetscInt n, const PetscReal x[], PetscReal y[]);
 PetscErrorCode DropsStartNearest(Drops, const PetscReal x[3], PetscInt *number);
 PetscErrorCode DropsStartBall(Drops, PetscReal centre[3], PetscReal *radius, PetscReal *volume);
+/* pairs.c. May drops meet that are not to merge? */
+PetscBool DropsMayStayApart(const DropsState *);
+/* Which are neighbours, in the plane: nearer to each other than h, or a film that is thicker. The same on all ranks. */
+PetscErrorCode DropsFindPairs(Drops, const PhaseInterface *, PetscReal h, PetscReal time, const PetscReal period[]);
+/* Are drops of these numbers not to merge, or not yet? As of the last DropsFindPairs. */
+PetscBool DropsAreApart(const DropsState *, PetscInt a, PetscInt b);
 /* After a new mesh: `from` is the interface that it was lined up with (nothing: that of the start, in space), `now`
    what it has, whose edges or faces have the number of
    their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are

@@ -11,6 +11,8 @@ PetscErrorCode PhaseSurfacesCreate(PetscInt dim, PetscReal largest, PhaseSurface
 PetscErrorCode PhaseSurfacesDestroy(PhaseSurfaces *);
 /* The interface may end on these sides of the domain: bits 2 axis + (upper one). Not collective. */
 PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces, PetscInt sides);
+/* In the plane: films of the fluid around that are thinner count as inside from now on. Not collective. */
+PetscErrorCode PhaseSurfacesSetFilm(PhaseSurfaces, PetscReal film);
 /* Own cells of the mesh [ncell] that are no drop's in any fit from now on, borrowed. Not collective. */
 PetscErrorCode PhaseSurfacesSetClosed(PhaseSurfaces, const PetscBool closed[]);
 /* From now on this interface, borrowed; in space, until then, what the drops are at the start. Not collective. */

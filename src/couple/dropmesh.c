@@ -5,7 +5,8 @@
 #include "base/array.h"
 
 #define SHIFT      0.02 /* of the smallest cell: the most that the volume moves the interface in a step, */
-#define BROKEN     0.1  /* and in one in which drops have broken up: the neck that vanished is given back at once */
+#define BROKEN     0.1  /* and after drops have broken up: the neck that vanished is given back */
+#define GIVEN_BACK 3    /* steps */
 #define PASSES     2
 #define MIN_VOLUME 0.01 /* of a cell: that a part has, folded as it may be */
 
@@ -135,7 +136,6 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   PetscReal way;
 
   PetscFunctionBeginUser;
-  f->broke = PETSC_FALSE;
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
     f->starts = PETSC_TRUE;
@@ -198,7 +198,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
   }
   before = f->s->broken;
   PetscCall(DropsInherit(f->drops, &f->interface, &now, n, volume, number, &changed));
-  f->broke = (PetscBool)(f->s->broken > before);
+  f->broke = f->s->broken > before ? GIVEN_BACK : PetscMax(0, f->broke - 1);
   if (f->starts) PetscCall(DropsCheckStart(f, c, n, volume, number));
   PetscCheck(f->s->n, c->comm, PETSC_ERR_USER_INPUT,
              "The last drop has vanished at t = %g: it had no cell's middle in it any more: use smaller cells (-mesh_cells)",

@@ -41,8 +41,9 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
-  if (c->s->nall) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
+  if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
   PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
+  PetscCall(DropsSetFilm(f, c));
   f->s->cell_drop = f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
   PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
@@ -83,6 +84,7 @@ static PetscErrorCode predict(Couple c, void *data)
   }
   PetscCall(DropsPredict(f, c));
   PetscCall(DropsCloseCells(f, c));
+  PetscCall(DropsKeepApart(f, c));
   PetscCall(DropsAlign(f, c)); /* before other participants look at the mesh */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -204,6 +206,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   if (dim == 2) PetscCall(visit_curve(state, &f->interface.curve));
   else PetscCall(DropsVisitSheet(state, &f->interface.sheet));
   PetscCall(StateInts(state, "drops_first_order", 1, &first));
+  PetscCall(StateInts(state, "drops_broke", 1, &f->broke));
   PetscCall(StateInts(state, "drops_lined_up", 1, &lined_up));
   f->first_order = (PetscBool)first;
   f->lined_up    = (PetscBool)lined_up;

@@ -36,7 +36,7 @@ typedef struct CoupleDrops {
   Remap          remap;
   PetscBool      first_order;         /* the last step was */
   PetscBool      starts;              /* the first mesh is being made */
-  PetscBool      broke;               /* a drop has broken up on the present mesh */
+  PetscInt       broke;               /* so many steps more give back what vanished where a drop broke up */
   PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
   PetscReal     *slip_length;         /* [4] of these, 0: free slip */
@@ -55,6 +55,10 @@ typedef struct CoupleDrops {
 PetscErrorCode DropsAddLosses(CoupleDrops *, Couple, CoupleLosses *);
 /* dropbodies.c. Which cells are closed, by bodies where they are at the end of the step. Not collective. */
 PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
+/* dropapart.c. And which between drops that stay apart. After DropsCloseCells. Collective. */
+PetscErrorCode DropsKeepApart(CoupleDrops *, Couple);
+/* The thickness of films, when there is a mesh. Collective. Error: they are too thick for it. */
+PetscErrorCode DropsSetFilm(CoupleDrops *, Couple);
 /* dropwalls.c. Which walls drops may wet. Collective. Error: they wet walls, and there are none. */
 PetscErrorCode DropsFindWalls(CoupleDrops *, Couple);
 /* Into M [9][9], friction of walls with a slip length beside local cell; into f->force, the pull of the wall on the

@@ -22,8 +22,10 @@ typedef struct {
 
 static PetscErrorCode read_material(DropGroup *g)
 {
-  char      name[OPT_NAME];
-  PetscBool given;
+  static const char *const COALESCENCE[] = {"film", "never", NULL};
+  char                     name[OPT_NAME];
+  PetscInt                 never = 0;
+  PetscBool                given;
 
   PetscFunctionBeginUser;
   g->density = 1;
@@ -36,6 +38,13 @@ static PetscErrorCode read_material(DropGroup *g)
   PetscCall(OptReal(name, &g->tension));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_contact_angle", name), &g->wets));
   PetscCall(OptReal(name, &g->contact));
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_coalescence", name), COALESCENCE, &never));
+  g->never = (PetscBool)(never == 1);
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_film", name), &g->film));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_drainage", name), &g->drainage));
+  PetscCheck(!g->never || (g->film == 0 && g->drainage == 0), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_coalescence never: its drops do not merge, whatever the film: remove -particle_%s_film and _drainage",
+             g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,6 +143,7 @@ PetscErrorCode DropsDestroy(Drops *drops)
   }
   PetscCall(PetscFree(d->group));
   PetscCall(PetscFree(d->s.drop));
+  PetscCall(PetscFree(d->s.pair));
   PetscCall(PhaseInterfaceDestroy(&d->s.interface));
   PetscCall(PetscFree(*drops));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -378,6 +388,7 @@ PetscErrorCode DropsVisitState(void *drops, State state)
     PetscCall(PetscCalloc1(s->n, &s->drop));
   }
   PetscCall(StateReals(state, "lost", 1, &s->lost));
+  if (DropsMayStayApart(s)) PetscCall(DropsVisitPairs(s, state));
   PetscCall(PetscMalloc2(2 * s->n, &which, s->n, &value));
   for (PetscInt i = 0; i < s->n; i++) {
     which[2 * i]     = s->drop[i].number;

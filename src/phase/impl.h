@@ -3,6 +3,9 @@
 #pragma once
 #include "phase/drops.h"
 
+/* pairs.c: StateVisit of the neighbours */
+PetscErrorCode DropsVisitPairs(DropsState *, State);
+
 struct _p_Drops {
   MPI_Comm   comm;
   DropGroup *group;

@@ -47,9 +47,23 @@ static PetscErrorCode count_votes(Drops b, const PhaseInterface *from, const Pha
     old = DropsFind(&b->s, number);
     if (old < 0) continue;
     d->vote[part * d->nold + old]++;
-    d->up[root_of(d, d->nold + part)] = root_of(d, old);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of those that a part's votes name: all, but for drops that stay apart from the one that most name */
+static void unite(const DropsState *s, Descent *d)
+{
+  for (PetscInt part = 0; part < d->nparts; part++) {
+    const PetscInt *vote = d->vote + part * d->nold;
+    PetscInt        most = 0;
+
+    for (PetscInt o = 1; o < d->nold; o++)
+      if (vote[o] > vote[most]) most = o;
+    for (PetscInt o = 0; o < d->nold; o++)
+      if (vote[o] && !DropsAreApart(s, s->drop[most].number, s->drop[o].number))
+        d->up[root_of(d, d->nold + part)] = root_of(d, o);
+  }
 }
 
 static void sort_by_volume(const PetscReal volume[], Descent *d)
@@ -147,6 +161,7 @@ PetscErrorCode DropsInherit(Drops b, const PhaseInterface *from, const PhaseInte
   PetscCall(PetscCalloc2(parts * s->n, &d.vote, s->n, &taken));
   PetscCall(PetscCalloc1(parts, &drop));
   PetscCall(count_votes(b, from, now, &d));
+  unite(s, &d);
   sort_by_volume(volume, &d);
   *changed = count_events(s, &d);
   for (PetscInt i = 0; i < parts; i++) {

@@ -13,6 +13,17 @@ static const OptSpec SPECS[] = {
    .help = "angle between wall and interface, inside the drop, on walls of type slip (not given: a film of the fluid "
            "around stays between drop and wall)",
    .when = FLUID, .also = "wetting_angle, young_angle, theta", .find = "wetting, contact line, drop on a wall"},
+  {"-particle_<group>_coalescence", OPT_CHOICE, "", OPT_ANY, "film",
+   .help = "what drops that meet do: merge when the film between them breaks, or never; then a cell of the fluid around "
+           "stays between them",
+   .choices = "film, never", .when = FLUID, .also = "merge, merging",
+   .find = "drops that do not merge, surfactant, emulsion"},
+  {"-particle_<group>_film", OPT_REAL, "length", OPT_FROM(0), "0",
+   .help = "thickness at which the film between drops breaks, at most two cells (0: about a cell)", .when = FLUID,
+   .also = "film_thickness", .find = "coalescence, merging drops"},
+  {"-particle_<group>_drainage", OPT_REAL, "time", OPT_FROM(0), "0",
+   .help = "how long drops are nearer than a cell, or a thicker film, before they merge", .when = FLUID,
+   .also = "drainage_time", .find = "coalescence, merging drops"},
   {"-particle_<group>_region", OPT_REALS, "", OPT_ANY, "",
    .help = "where the fluid is at the start: an expression that is negative there, in place of a shape", .when = FLUID,
    .variables = "x, y", .also = "level_set, initial_region",

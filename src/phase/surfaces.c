@@ -3,14 +3,31 @@
 #include "phase/surfaces.h"
 #include "base/algebra.h"
 
+#define OPPOSITE (-0.7) /* cosine between the ways to the two sides of a film */
+
 struct _p_PhaseSurfaces {
   const PhaseInterface *interface;
   Drops                 start; /* in space, before there is one; else NULL */
   PetscInt              number, sides, dim;
   PetscBool             own, inactive;
-  PetscReal             centre[1][3], radius, round, volume;
+  PetscReal             centre[1][3], radius, round, volume, film;
   AlignSurfaces         table;
 };
+
+/* x, outside, is between the closest point p and a part of the interface that faces it, in a film that is too thin: by
+   how much, negative; else p's distance */
+static PetscReal distance_in_film(const struct _p_PhaseSurfaces *s, const PetscReal x[2], const PhasePoint *p)
+{
+  const PetscReal in[2] = {p->y[0] - x[0], p->y[1] - x[1]};
+  PhasePoint      q;
+  PetscReal       cosine;
+
+  if (p->d <= 0 || p->d >= s->film) return p->d;
+  PhaseCurveApproach(&s->interface->curve, x, in, &q);
+  if (q.edge < 0 || q.d + p->d >= s->film || q.d <= 0) return p->d;
+  cosine = ((q.y[0] - x[0]) * in[0] + (q.y[1] - x[1]) * in[1]) / (q.d * p->d);
+  return cosine < OPPOSITE ? q.d + p->d - s->film : p->d;
+}
 
 static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
                                PetscReal d[])
@@ -29,7 +46,7 @@ static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], Pet
       continue;
     }
     PhaseInterfaceClosest(s->interface, r, PETSC_MAX_REAL / 4, &p);
-    d[i] = p.d;
+    d[i] = s->film > 0 && p.edge >= 0 ? distance_in_film(s, r, &p) : p.d;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -101,6 +118,13 @@ PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces s, PetscInt sides)
   PetscFunctionBeginUser;
   s->sides         = sides;
   s->table.ends_on = sides ? &s->sides : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseSurfacesSetFilm(PhaseSurfaces s, PetscReal film)
+{
+  PetscFunctionBeginUser;
+  s->film = film;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -252,6 +252,46 @@ def test_checkpoint_beside_falling_disc(run, scene):
     assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)  # the disc turned 5 % slower before
 
 
+PRESSED = ["drops-coalesce", "-mesh_cells", "20,20", "-sim_dt", "0.02", "-output_every", "0"]
+
+
+def find_merging(series):
+    """Time at which two drops have become one; 0: they have not"""
+    return next((row["time"] for row in series if row["drops"] == 1), 0)
+
+
+def test_coalescence(drops):
+    """Two drops pressed together: the mesh merges them, or a film of a length does, a time after they have met, or nothing."""
+    times = {}
+    for name, options in (("mesh", []), ("drainage", ["-particle_left_drainage", "0.1"]), ("thin", ["-particle_left_film", "0.07"]), ("thick", ["-particle_left_film", "0.15"])):
+        times[name] = find_merging(drops(*PRESSED, "-sim_time", "0.5", *options, folder=name)[1])
+    assert times["thick"] < times["mesh"] < times["drainage"] and times["mesh"] < times["thin"], times
+    rows, series = drops(*PRESSED, "-sim_time", "0.5", "-particle_right_coalescence", "never", folder="never")
+    assert all(row["drops"] == 2 and row["drops_merged"] == row["drops_broken"] == 0 for row in series)
+    assert max(abs(row["volume_error"]) for row in rows) < 0.05
+    assert {row["drop"] for row in rows} == {0, 1} and rows[-1]["x"] * rows[-2]["x"] < 0
+
+
+def test_apart_ranks_and_restart(drops):
+    """Drops that stay apart: the same on 1 and 3 ranks, and after a restart to the bit."""
+    options = [*PRESSED, "-particle_right_position", "0.31,0.01", "-particle_left_position", "-0.31,0", "-particle_right_drainage", "0.09", "-checkpoint_every", "3"]
+    whole = drops(*options, "-sim_steps", "6", folder="whole")[0]
+    other = drops(*options, "-sim_steps", "6", ranks=3, folder="other")[0]
+    assert len(whole) < 12 and len(other) == len(whole)  # one in the end
+    for name in ("volume", "y", "v", "length"):
+        assert other[-1][name] == pytest.approx(whole[-1][name], rel=1e-8, abs=1e-9), name
+    drops(*options, "-sim_steps", "3", folder="part")
+    assert drops(*options, "-sim_steps", "6", "-sim_restart", "latest", folder="part")[0] == whole
+
+
+def test_thread(drops):
+    """A thread breaks: two drops of half the volume each, at once and in all steps around."""
+    rows, series = drops("thread-breaks", "-mesh_cells", "48,16", "-sim_dt", "0.025", "-sim_time", "0.8", "-output_every", "0")
+    broken = [row for row in series if row["drops_broken"]]
+    assert broken and broken[0]["drops"] == 2 and broken[0]["drop_volume_error"] < 1e-4 and broken[1]["drop_volume_error"] < 1e-4
+    assert rows[-1]["volume"] == pytest.approx(rows[-2]["volume"], rel=1e-3) and series[0]["drop_volume_error"] < 1e-4
+
+
 @pytest.mark.parametrize(
     "options, remark, volume",
     [

@@ -1,0 +1,148 @@
+/* CoupleDrops, apart: drops that are not to merge, or not yet (-particle_<group>_coalescence, _film, _drainage). Where
+   cells of two such drops would meet at a vertex, the one that is least inside goes back to the fluid around, as beside
+   walls that are not wetted: a cell of it stays between them, whose nodes may be off the interface. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+
+#define TIE   1e-9 /* of a cell: as align/cover.c */
+#define THICK 2.0  /* cells: films are no thicker when they break */
+
+typedef struct {
+  PetscReal *number, *depth, *mark; /* [nnode_all] at middles of cells: the drop that it is in, -1; signed distance */
+} Labels;
+
+/* The drop that holds x, by all periodic images; -1 */
+static PetscErrorCode find_drop(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], PetscReal *number,
+                                PetscReal *depth)
+{
+  PetscFunctionBeginUser;
+  *number = -1;
+  *depth  = -TIE * l->h;
+  for (PetscInt i = 0; i < (l->dim == 2 ? 9 : 27); i++) {
+    PetscReal        at[3];
+    PetscBool        is = PETSC_TRUE;
+    const PetscReal *middle;
+    PetscInt         drop;
+    PhasePoint       p = {.edge = -1};
+
+    for (PetscInt a = 0, m = i; a < l->dim; a++, m /= 3) {
+      at[a] = x[a] + (PetscReal)(m % 3 - 1) * l->period[a];
+      is    = (PetscBool)(is && (m % 3 == 1 || l->period[a] > 0));
+    }
+    if (!is) continue;
+    if (!PhaseInterfaceSize(&f->interface)) { /* in space at the start */
+      PetscCall(DropsStartNearest(f->drops, at, &drop));
+      PetscCall(DropsStartDistance(f->drops, 1, at, &p.d));
+    } else {
+      PhaseInterfaceClosest(&f->interface, at, PETSC_MAX_REAL / 4, &p);
+      if (p.edge < 0) continue;
+      (void)PhaseInterfacePiece(&f->interface, p.edge, &drop, &middle);
+    }
+    if (p.d >= *depth) continue;
+    *depth  = p.d;
+    *number = (PetscReal)drop;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode label_cells(const CoupleDrops *f, Couple c, Labels *t)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) t->number[i] = -1;
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    const PetscInt i = l->cell_node[e * l->nb + l->nb / 2];
+
+    if (!f->closed[e]) PetscCall(find_drop(f, l, l->x_start + l->dim * i, &t->number[i], &t->depth[i]));
+  }
+  PetscCall(MeshSyncNodes(c->mesh, 1, t->number));
+  PetscCall(MeshSyncNodes(c->mesh, 1, t->depth));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of the cells around own vertex i: if two of them are of drops that stay apart, the one least inside is marked */
+static PetscBool mark_around(const CoupleDrops *f, const MeshLocal *l, PetscInt i, Labels *t)
+{
+  PetscInt  first = -1, worst = -1;
+  PetscBool meet = PETSC_FALSE;
+
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+    const PetscInt middle = l->cell_node[l->node_cell[q] * l->nb + l->nb / 2], number = (PetscInt)t->number[middle];
+
+    if (number < 0) continue;
+    if (first >= 0 && first != number && DropsAreApart(f->s, first, number)) meet = PETSC_TRUE;
+    if (first < 0) first = number;
+    if (worst < 0 || t->depth[middle] > t->depth[worst] ||
+        (t->depth[middle] == t->depth[worst] &&
+         l->cell_global[l->centre_cell[middle]] > l->cell_global[l->centre_cell[worst]]))
+      worst = middle;
+  }
+  if (meet) t->mark[worst] = 1;
+  return meet;
+}
+
+static PetscErrorCode open_cells(CoupleDrops *f, Couple c, Labels *t, PetscBool *any)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  *any = PETSC_FALSE;
+  for (PetscInt e = 0; e < l->ncell_all; e++)
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[e * l->nb + j];
+
+      if (j % 3 % 2 || j / 3 % 3 % 2 || j / 9 % 2 || i >= l->nnode) continue; /* vertices */
+      if (mark_around(f, l, i, t)) *any = PETSC_TRUE;
+    }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
+  if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshSumNodes(c->mesh, 1, t->mark));
+  PetscCall(MeshSyncNodes(c->mesh, 1, t->mark));
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    const PetscInt i = l->cell_node[e * l->nb + l->nb / 2];
+
+    if (t->mark[i] > 0 && e < l->ncell) f->closed[e] = PETSC_TRUE;
+    if (t->mark[i] > 0) t->number[i] = -1;
+    t->mark[i] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsSetFilm(CoupleDrops *f, Couple c)
+{
+  const DropsState *s     = f->s;
+  PetscReal         film  = 0;
+  PetscBool         never = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const DropGroup *group = s->group + g;
+
+    PetscCheck(group->film <= THICK * c->loc->h, c->comm, PETSC_ERR_USER_INPUT,
+               "-particle_%s_film %g is more than %g cells of %g, across which a mesh cannot join drops: lower it, or use larger cells (-mesh_cells)",
+               group->name, (double)group->film, THICK, (double)c->loc->h);
+    PetscCheck(c->loc->dim == 2 || (group->film == 0 && group->drainage == 0), c->comm, PETSC_ERR_SUP,
+               "-particle_%s_film and _drainage are for the plane so far: remove them", group->name);
+    film  = PetscMax(film, group->film);
+    never = (PetscBool)(never || group->never);
+  }
+  if (film > c->loc->h && !never) PetscCall(PhaseSurfacesSetFilm(f->surfaces, film));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsKeepApart(CoupleDrops *f, Couple c)
+{
+  Labels    t;
+  PetscBool any = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  if (!DropsMayStayApart(f->s)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DropsFindPairs(f->drops, &f->interface, c->loc->h, c->step->time, c->loc->period));
+  PetscCall(PetscCalloc3(c->loc->nnode_all, &t.number, c->loc->nnode_all, &t.depth, c->loc->nnode_all, &t.mark));
+  PetscCall(label_cells(f, c, &t));
+  while (any) PetscCall(open_cells(f, c, &t, &any));
+  PetscCall(PetscFree3(t.number, t.depth, t.mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
