@@ -90,6 +90,11 @@ PetscBool DropsAreApart(const DropsState *, PetscInt a, PetscInt b);
 PetscErrorCode DropsInherit(Drops, const PhaseInterface *from, const PhaseInterface *now, PetscInt parts,
                             const PetscReal volume[], PetscInt number[], PetscBool *changed);
 /* Place of the drop of that number in the state, -1: there is none, as of the number -1 of the fluid around */
-PetscInt DropsFind(const DropsState *, PetscInt number);
+static inline PetscInt DropsFind(const DropsState *s, PetscInt number)
+{
+  for (PetscInt i = 0; i < s->n && number >= 0; i++)
+    if (s->drop[i].number == number) return i;
+  return -1;
+}
 /* StateVisit of Drops. */
 PetscErrorCode DropsVisitState(void *drops, State);

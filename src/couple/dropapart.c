@@ -66,21 +66,21 @@ static PetscErrorCode label_cells(const CoupleDrops *f, Couple c, Labels *t)
 static PetscBool mark_around(const CoupleDrops *f, const MeshLocal *l, PetscInt i, Labels *t)
 {
   PetscInt  first = -1, worst = -1;
-  PetscBool meet = PETSC_FALSE;
+  PetscBool any = PETSC_FALSE;
 
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
     const PetscInt middle = l->cell_node[l->node_cell[q] * l->nb + l->nb / 2], number = (PetscInt)t->number[middle];
 
     if (number < 0) continue;
-    if (first >= 0 && first != number && DropsAreApart(f->s, first, number)) meet = PETSC_TRUE;
+    if (first >= 0 && first != number && DropsAreApart(f->s, first, number)) any = PETSC_TRUE;
     if (first < 0) first = number;
     if (worst < 0 || t->depth[middle] > t->depth[worst] ||
         (t->depth[middle] == t->depth[worst] &&
          l->cell_global[l->centre_cell[middle]] > l->cell_global[l->centre_cell[worst]]))
       worst = middle;
   }
-  if (meet) t->mark[worst] = 1;
-  return meet;
+  if (any) t->mark[worst] = 1;
+  return any;
 }
 
 static PetscErrorCode open_cells(CoupleDrops *f, Couple c, Labels *t, PetscBool *any)

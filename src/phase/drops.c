@@ -362,13 +362,6 @@ PetscBool DropsWet(const DropsState *s)
   return (PetscBool)(s->ngroups && s->group[0].wets);
 }
 
-PetscInt DropsFind(const DropsState *s, PetscInt number)
-{
-  for (PetscInt i = 0; i < s->n && number >= 0; i++)
-    if (s->drop[i].number == number) return i;
-  return -1;
-}
-
 /* ---- checkpoint ---- */
 
 PetscErrorCode DropsVisitState(void *drops, State state)
