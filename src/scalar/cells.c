@@ -256,6 +256,7 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
     PetscCall(PetscArrayzero(cell->M, nb * nbp));
     add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
   } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+  if (s->limit.part && s->limit.part[c] > 0 && s->w) ScalarLimitCell(all, s, c, cell->A, cell->M);
   if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
   if (s->cell_side) PetscCall(add_sides(all, s, c, cell->A, cell->f));
   add_history(all, s, c, xc, cell);

@@ -55,6 +55,13 @@ typedef struct {
   PetscReal each[MESH_MAX_NB], whole;
 } ScalarLumpCell;
 
+/* Stabilisation (limit.c) of the last solve: parts of cells that are of low order [ncell_all], NULL: none is; of fluxes
+   that raise and lower a node the part that is left [nnode_all][2]; values that these go by [nnode_all] */
+typedef struct {
+  PetscBool  wanted;
+  PetscReal *part, *node, *x;
+} ScalarLimits;
+
 typedef struct {
   char             name[64];
   ScalarParameters par;
@@ -92,6 +99,7 @@ typedef struct {
   ScalarSolver     solver;
   PetscBool        extended; /* ScalarsExtend */
   const PetscReal *w;        /* of the last solve */
+  ScalarLimits     limit;
 } Scalar;
 
 struct _p_Scalars {
@@ -174,6 +182,13 @@ typedef struct {
 void ScalarCellValues(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarValues *);
 /* w.grad T_theta there */
 PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *, const ScalarValues *);
+
+/* limit.c: how cells are stabilised, by the solution; again: at least as they are already. *more: the solution is out
+   of its bounds, solve again. Collective. */
+PetscErrorCode ScalarLimit(Scalars, Scalar *, PetscBool again, PetscBool *more);
+/* Matrices A, M [nb][nbp] of a cell with a part of low order: that much of it */
+void           ScalarLimitCell(Scalars, const Scalar *, PetscInt c, PetscReal A[], PetscReal M[]);
+PetscErrorCode ScalarLimitForget(Scalar *);
 
 /* matrix.c */
 PetscErrorCode ScalarsFindPattern(Scalars);

@@ -28,6 +28,11 @@ static const OptSpec SPECS[] = {
    .help = "reactions of first order: rates at which it grows for each unit of every scalar, in the order of -scalars "
            "(below zero: it is used up)",
    .when = NAMED, .also = "rate, reactions, kinetics", .find = "reaction, chemistry"},
+  {"-scalar_<scalar>_stabilise", OPT_CHOICE, "", OPT_ANY, "auto",
+   .help =
+     "against new extrema where convection dominates a cell (cell Peclet number above 1) and the scalar is not smooth",
+   .choices = "auto, none", .when = NAMED, .also = "limiter, upwind, supg, stabilisation, stabilization",
+   .find = "oscillation, overshoot, limiter, upwind"},
   {"-scalar_<scalar>_gradient", OPT_REALS, "scalar/length", OPT_ANY, "0",
    .help = "mean gradient on a periodic mesh; the field is what differs from it", .when = NAMED},
   {"-scalar_<scalar>_expansion", OPT_REAL, "1/scalar", OPT_ANY, "0",

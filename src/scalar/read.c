@@ -168,7 +168,9 @@ static PetscErrorCode check_sources(Scalars all, PetscInt i)
 
 static PetscErrorCode read_scalar(Scalars all, Scalar *s)
 {
-  char name[OPT_NAME];
+  static const char *const STABILISE[] = {"auto", "none", NULL};
+  char                     name[OPT_NAME];
+  PetscInt                 none = 0;
 
   PetscFunctionBeginUser;
   s->par.name = s->name;
@@ -179,6 +181,8 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscCall(read_number(name_option(s, "initial", name), all->loc->dim, &s->initial));
   PetscCall(read_number(name_option(s, "source", name), all->loc->dim, &s->source));
   PetscCall(OptReal(name_option(s, "decay", name), &s->decay));
+  PetscCall(OptChoice(name_option(s, "stabilise", name), STABILISE, &none));
+  s->limit.wanted = (PetscBool)!none;
   PetscCall(read_reaction(all, s));
   PetscCall(read_gradient(all, s));
   PetscCall(OptReal(name_option(s, "reference_difference", name), &s->par.difference));

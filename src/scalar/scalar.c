@@ -72,6 +72,7 @@ PetscErrorCode ScalarsDiscard(Scalars all)
     PetscCall(PetscFree(s->surface));
     PetscCall(PetscFree(s->q));
     PetscCall(PetscFree(s->cell_side));
+    PetscCall(ScalarLimitForget(s));
     PetscCall(PetscFree2(s->sums, s->has_sums));
     PetscCall(PetscFree2(s->growth_weight, s->growth_cell));
     s->nside = 0;

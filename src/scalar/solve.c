@@ -8,6 +8,8 @@
 #include "base/opt.h"
 
 #define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
+#define PASSES    6     /* solutions at most, until limits hold, */
+#define STEADY    30    /* and of a steady state */
 #define LOOSE     1e-7  /* no residual beyond this either */
 #define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays, */
 #define MASSIVE   0.1   /* and below which sweeps are enough */
@@ -242,19 +244,14 @@ static PetscErrorCode solve_for_correction(Scalars all, Scalar *s, PetscReal siz
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
+/* With the parts of cells that are of low order */
+static PetscErrorCode solve_once(Scalars all, Scalar *s, KSPConvergedReason *reason)
 {
   const MeshLocal *l = all->loc;
-  Scalar          *s = all->scalar + i;
   Vec              x, b, r, dx;
   PetscReal        size, norm;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarsSetConditions(all, s));
-  PetscCall(fix_one_node(all, s));
-  PetscCall(ScalarsPredict(all, i, w));
-  for (PetscInt k = 0; k < l->nnode_all; k++)
-    if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
   PetscCall(ScalarLumpsBegin(all, s));
   PetscCall(ScalarAssemble(all, s));
   PetscCall(ScalarLumpsAssemble(all, s));
@@ -277,6 +274,28 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(VecDestroy(&b));
   PetscCall(VecDestroy(&x));
   PetscCall(MeshSyncNodes(all->mesh, 1, s->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
+{
+  const PetscInt passes = all->step.ct > 0 ? PASSES : STEADY;
+  Scalar        *s      = all->scalar + i;
+  PetscBool      more;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsSetConditions(all, s));
+  PetscCall(fix_one_node(all, s));
+  PetscCall(ScalarsPredict(all, i, w));
+  for (PetscInt k = 0; k < all->loc->nnode_all; k++)
+    if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
+  PetscCall(ScalarLimit(all, s, PETSC_FALSE, &more));
+  for (PetscInt pass = 0; pass < passes; pass++) {
+    PetscCall(solve_once(all, s, reason));
+    if (*reason < 0 || pass == passes - 1) break;
+    PetscCall(ScalarLimit(all, s, PETSC_TRUE, &more));
+    if (!more) break;
+  }
   if (s->extended) PetscCall(ScalarExtendSolution(all, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
