@@ -5,15 +5,6 @@
 
 #define BOX 1e-10 /* nodes of a box are at their positions to this part of its edges */
 
-void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
-{
-  const PetscInt *node = l->cell_node + c * l->nb;
-
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < bs; a++) v[j * bs + a] = nodal[node[j] * bs + a];
-  MeshCellGather(l, c, bs, v);
-}
-
 PetscBool ScalarCellIsActive(const Scalar *s, PetscInt c)
 {
   return (PetscBool)(!s->cells.conductivity || s->cells.conductivity[c] >= 0 ||

@@ -158,7 +158,14 @@ PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
 /* r [nb] = scale int phi_i v over a cell, v [nb] at its lattice points */
 PetscErrorCode ScalarCellIntegrate(Scalars, const PetscReal xc[], PetscReal scale, const PetscReal v[], PetscReal r[]);
 /* Values of a nodal array at its lattice points, v [nb][bs] */
-void ScalarCellGather(const MeshLocal *, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[]);
+static inline void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
+{
+  const PetscInt *node = l->cell_node + c * l->nb;
+
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < bs; a++) v[j * bs + a] = nodal[node[j] * bs + a];
+  MeshCellGather(l, c, bs, v);
+}
 
 /* points.c: points of a cell at which terms are summed: its samples, or those of the element */
 typedef struct {
@@ -186,9 +193,21 @@ PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *, const 
 /* limit.c: how cells are stabilised, by the solution; again: at least as they are already. *more: the solution is out
    of its bounds, solve again. Collective. */
 PetscErrorCode ScalarLimit(Scalars, Scalar *, PetscBool again, PetscBool *more);
-/* Matrices A, M [nb][nbp] of a cell with a part of low order: that much of it */
-void           ScalarLimitCell(Scalars, const Scalar *, PetscInt c, PetscReal A[], PetscReal M[]);
 PetscErrorCode ScalarLimitForget(Scalar *);
+
+/* limitcell.c: node at lattice point j of cell c, -1: none is */
+PetscInt ScalarLimitNode(const MeshLocal *, PetscInt c, PetscInt j);
+/* Of cell c, at its lattice points: nodes, values of a nodal field and their rates of change */
+void ScalarLimitValues(Scalars, const Scalar *, PetscInt c, const PetscReal nodal[], PetscInt node[], PetscReal x[],
+                       PetscReal r[]);
+/* Nodes i, j of a cell with matrices L and M, values x and rates of change r at its lattice points: diffusion d that
+   makes L of low order, and the flux into i that this takes away */
+PetscReal ScalarLimitFlux(Scalars, PetscInt i, PetscInt j, const PetscReal L[], const PetscReal M[],
+                          const PetscReal x[], const PetscReal r[], PetscReal *d);
+/* A += scale c_t M */
+void ScalarLimitAddMass(Scalars, PetscReal scale, PetscReal A[], const PetscReal M[]);
+/* Matrices A, M [nb][nbp] of a cell with a part of low order: that much of it */
+void ScalarLimitCell(Scalars, const Scalar *, PetscInt c, PetscReal A[], PetscReal M[]);
 
 /* matrix.c */
 PetscErrorCode ScalarsFindPattern(Scalars);

@@ -94,20 +94,6 @@ static void find_gradients(Scalars all, const Scalar *s, const PetscReal xc[], c
   }
 }
 
-/* Node at lattice point j of cell c, -1: none is */
-static PetscInt find_node(const MeshLocal *l, PetscInt c, PetscInt j)
-{
-  const MeshHang *h = MeshCellHang(l, c);
-
-  for (PetscInt r = 0; h && r < h->n; r++) {
-    if (h->slot[r] != j) continue;
-    if (h->start[r + 1] - h->start[r] > 1) return -1;
-    j = h->from[h->start[r]];
-    break;
-  }
-  return l->cell_node[c * l->nb + j];
-}
-
 /* Is it of the fluid as a whole? */
 static PetscBool is_plain(const Scalar *s, PetscInt c)
 {
@@ -132,7 +118,7 @@ static PetscErrorCode sum_gradients(Scalars all, const Scalar *s, PetscReal sum[
     ScalarCellGather(l, c, 1, s->x, x);
     find_gradients(all, s, xc, x, g);
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt node = find_node(l, c, j);
+      const PetscInt node = ScalarLimitNode(l, c, j);
 
       if (node < 0) continue;
       sum[node * NUMBERS + COUNT]++;
@@ -163,72 +149,6 @@ static PetscReal find_part(const MeshLocal *l, PetscInt c, const PetscReal sum[]
   }
   jump = PetscPowRealInt(PetscSqrtReal(jump) / (JUMP * (PetscSqrtReal(slope) + noise)), POWER);
   return jump < SMALL ? 0 : PetscMin(1, jump);
-}
-
-/* Nodes i, j of a cell with matrices L and M, values x and rates of change r at its lattice points: diffusion d that
-   makes L of low order, and the flux into i that this takes away */
-static PetscReal find_flux(Scalars all, PetscInt i, PetscInt j, const PetscReal L[], const PetscReal M[],
-                           const PetscReal x[], const PetscReal r[], PetscReal *d)
-{
-  const PetscInt nbp = all->element.nbp;
-
-  *d = PetscMax(0, PetscMax(L[i * nbp + j], L[j * nbp + i]));
-  return *d / all->step.theta * (x[i] - x[j]) + M[i * nbp + j] * (r[i] - r[j]);
-}
-
-/* Of cell c, at its lattice points: nodes, values of a nodal field and their rates of change */
-static void get_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal nodal[], PetscInt node[],
-                       PetscReal x[], PetscReal r[])
-{
-  const ScalarStep *p = &all->step;
-  PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB];
-
-  ScalarCellGather(all->loc, c, 1, nodal, x);
-  ScalarCellGather(all->loc, c, 1, s->T, now);
-  ScalarCellGather(all->loc, c, 1, s->T_old, old);
-  for (PetscInt j = 0; j < all->loc->nb; j++) {
-    r[j]    = p->ct * x[j] - p->d0 * now[j] - p->d1 * old[j];
-    node[j] = find_node(all->loc, c, j);
-  }
-}
-
-/* A += scale c_t M */
-static void add_mass(Scalars all, PetscReal scale, PetscReal A[], const PetscReal M[])
-{
-  const PetscInt nb = all->loc->nb, nbp = all->element.nbp;
-
-  for (PetscInt i = 0; i < nb; i++)
-    for (PetscInt j = 0; j < nb; j++) A[i * nbp + j] += scale * all->step.ct * M[i * nbp + j];
-}
-
-/* Off-diagonal entries i, j of a symmetric matrix lose d to the diagonal */
-static void lump(PetscInt nbp, PetscInt i, PetscInt j, PetscReal d, PetscReal A[])
-{
-  A[i * nbp + j] -= d;
-  A[j * nbp + i] -= d;
-  A[i * nbp + i] += d;
-  A[j * nbp + j] += d;
-}
-
-void ScalarLimitCell(Scalars all, const Scalar *s, PetscInt c, PetscReal A[], PetscReal M[])
-{
-  const PetscInt   nbp = all->element.nbp;
-  const PetscReal *a   = s->limit.node;
-  PetscInt         node[MESH_MAX_NB];
-  PetscReal        x[MESH_MAX_NB], r[MESH_MAX_NB];
-
-  get_values(all, s, c, s->limit.x, node, x, r);
-  add_mass(all, -1, A, M);
-  for (PetscInt i = 0; i < all->loc->nb; i++)
-    for (PetscInt j = 0; j < i; j++) {
-      PetscReal       d, part = s->limit.part[c];
-      const PetscReal f = find_flux(all, i, j, A, M, x, r, &d);
-
-      if (node[i] >= 0 && node[j] >= 0) part *= 1 - PetscMin(a[2 * node[i] + (f < 0)], a[2 * node[j] + (f > 0)]);
-      lump(nbp, i, j, part * d, A);
-      lump(nbp, i, j, part * M[i * nbp + j], M);
-    }
-  add_mass(all, 1, A, M);
 }
 
 /* At a node: sum of fluxes that raise it, and that lower it; what scales its room for them; bounds */
@@ -266,13 +186,13 @@ static PetscErrorCode add_fluxes(Scalars all, const Scalar *s, PetscInt c, const
   PetscFunctionBeginUser;
   full.limit.part = NULL;
   PetscCall(ScalarCellSet(all, &full, c, &cell));
-  add_mass(all, -1, cell.A, cell.M);
+  ScalarLimitAddMass(all, -1, cell.A, cell.M);
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb && node[i] >= 0; j++) {
       PetscReal d, f;
 
       if (i == j) continue;
-      f = find_flux(all, i, j, cell.A, cell.M, x, r, &d);
+      f = ScalarLimitFlux(all, i, j, cell.A, cell.M, x, r, &d);
       *(f > 0 ? &at[node[i]].rise : &at[node[i]].fall) += PetscAbsReal(f);
       at[node[i]].weight += d / all->step.theta + all->step.ct * PetscAbsReal(cell.M[i * all->element.nbp + j]);
     }
@@ -307,7 +227,7 @@ static PetscErrorCode find_bounds(Scalars all, const Scalar *s, const PetscReal 
     PetscReal x[MESH_MAX_NB], r[MESH_MAX_NB];
 
     if (!ScalarCellIsActive(s, c)) continue;
-    get_values(all, s, c, s->x, node, x, r);
+    ScalarLimitValues(all, s, c, s->x, node, x, r);
     add_bounds(all, s, node, x, at);
   }
   for (PetscInt i = 0; i < l->nnode; i++)
@@ -342,7 +262,7 @@ static PetscErrorCode find_limits(Scalars all, const Scalar *s, const PetscReal 
     PetscReal x[MESH_MAX_NB], r[MESH_MAX_NB];
 
     if (limit->part[c] == 0) continue;
-    get_values(all, s, c, s->x, node, x, r);
+    ScalarLimitValues(all, s, c, s->x, node, x, r);
     PetscCall(add_fluxes(all, s, c, node, x, r, at));
   }
   set_limits(all, s, at, limit->node);

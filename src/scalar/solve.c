@@ -245,7 +245,7 @@ static PetscErrorCode solve_for_correction(Scalars all, Scalar *s, PetscReal siz
 }
 
 /* With the parts of cells that are of low order */
-static PetscErrorCode solve_once(Scalars all, Scalar *s, KSPConvergedReason *reason)
+static PetscErrorCode solve_linear(Scalars all, Scalar *s, KSPConvergedReason *reason)
 {
   const MeshLocal *l = all->loc;
   Vec              x, b, r, dx;
@@ -291,7 +291,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
     if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
   PetscCall(ScalarLimit(all, s, PETSC_FALSE, &more));
   for (PetscInt pass = 0; pass < passes; pass++) {
-    PetscCall(solve_once(all, s, reason));
+    PetscCall(solve_linear(all, s, reason));
     if (*reason < 0 || pass == passes - 1) break;
     PetscCall(ScalarLimit(all, s, PETSC_TRUE, &more));
     if (!more) break;
