@@ -5,6 +5,8 @@ import math
 
 import pytest
 
+from conftest import ROOT
+
 SCENE = """
 mesh: {cells: [8, 8, 8]}
 flow: {density: 1, viscosity: 0.006454972, solver: balanced}
@@ -52,6 +54,16 @@ def test_carried(drops):
         assert 1 - row["sphericity"] < 5e-6 and abs(row["volume_error"]) < 1e-10
     for name, place in (("x", 1.05), ("y", 0.575), ("z", 0.1375)):
         assert (rows[-1][name] - place + 0.5) % 1 == pytest.approx(0.5, abs=1e-4), name
+
+
+def test_bubble(run):
+    """The scene on 6 x 12 x 6 cells, three a diameter: a bubble that begins to rise along the axis of the box."""
+    result = run([ROOT / "runs" / "bubble-rising-3d.yaml", "-output_dir", "out", "-output_every", "0", "-mesh_cells", "6,12,6", "-sim_steps", "3"])
+    assert result.status == 0, str(result)
+    with open(result.folder / "out" / "drops.csv") as file:
+        rows = [{key: text if key == "group" else float(text) for key, text in row.items()} for row in csv.DictReader(file)]
+    assert 0.1 < rows[-1]["v"] < 0.14 and max(abs(rows[-1]["u"]), abs(rows[-1]["w"])) < 2e-5
+    assert abs(rows[-1]["volume_error"]) < 1e-8 and abs(rows[-1]["x"] - 0.5) < 1e-6
 
 
 FALLS = ["-mesh_cells", "6,6,6", "-particle_drop_radius", "0.33", "-flow_gravity", "0,-1,0", "-flow_solver", "direct"]
