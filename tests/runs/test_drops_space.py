@@ -93,8 +93,8 @@ def test_restart(drops, stop):
         (["-particle_drop_contact_angle", "60 deg"], "drops wet walls in the plane only so far"),
         (["-flow_velocity_operator", "matrix_free"], "use -flow_velocity_operator assembled"),
         (["-particle_groups", "drop,ball", "-particle_ball_shape", "circle", "-particle_ball_radius", "0.1", "-particle_ball_position", "0.2,0.2,0.2", "-particle_ball_free", "none"], "Drops in space next to rigid"),
-        (["-particle_drop_position", "0.9,0.5,0.5"], "reaches beyond a side of the domain"),
-        (["-particle_drop_radius", "0.1"], "cannot be lined up with the drops"),
+        (["-particle_drop_film", "0.05"], "for the plane so far"),
+        (["-particle_drop_radius", "0.1"], "use smaller cells (-mesh_cells)"),
         (["-mesh_levels", "2", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Drops in space on cells of several sizes"),
     ],
 )
