@@ -4,6 +4,7 @@
 #include "defaults.h"
 #include "promise.h"
 #include "scalarlayers.h"
+#include "swing.h"
 #include "unproven.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -27,7 +28,7 @@ enum {
   LINES_UP = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
   START    = 16384, /* at least where they start */
   SPINS    = 4096,  /* a body that is free to turn and stays where it is */
-  NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset */
+  NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset, or a body that swings too thin */
   BODIES   = 32768,
   SWIMS    = 65536, /* a body whose surface moves in its own frame (bodies/slip.h) */
   ADRIFT   = 131072 /* nothing holds the fluid: periodic along all axes, nobody pulls, no -flow_rate */
@@ -351,6 +352,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   scene->spins  = spins;
   scene->steady = steady;
   PetscCall(StreamFind(mesh, bodies, steady, &scene->stream));
+  if (!steady) PetscCall(SwingFind(l, bodies, &scene->swing));
   PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, scene->gap));
   PetscCall(find_aligned(*situation, scene, l));
   if (PromiseIsNarrow(l, preset, scene)) *situation |= NARROW;
@@ -361,7 +363,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
 {
   const MeshLocal *l;
   LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
-  PromiseScene     scene    = {.gap = {none, none}};
+  PromiseScene     scene    = {.gap = {none, none}, .swing = {-1, PETSC_MAX_REAL, PETSC_MAX_REAL}};
   Replaced         replaced = {0};
   PetscInt         preset   = PROMISE_DEFAULT;
   PetscBool        given, commanded;

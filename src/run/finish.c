@@ -54,6 +54,7 @@ PetscErrorCode SimFinish(Sim s)
   PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->components.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(TimeErrorFinish(s->components.time_error));
   PetscCall(LimitsFinish(s->limits, s->components.monitor));
   PetscCall(BooksFinish(s->books));
   if (s->components.flow) PetscCall(finish_flow(&s->components, &cells, &unknowns));

@@ -34,6 +34,10 @@ static const struct {
 static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 8}, {0.4, 1, 1.5}}};
 static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 
+/* Cells that a body needs which is led to and fro, mostly against the inertia of the fluid, with the penalty: the force
+      on a cylinder with 6, 12, 24 cells a diameter 9.5, 2.7, .8 % off, lined up .9, .13, 0 %. The last are those of the
+   layer that swings with it, of .56, 1.1, 2.3 cells (runs/studies/boundary) */
+static const PetscReal SWINGS[3] = {9, 24, 48}, SWING_LAYER[3] = {0.3, 0.6, 1};
 /* Cells that the boundary layer of a body needs that is held in a stream (stream.h): steady, in time; with the penalty,
    lined up. Drag: a sphere at Re 100 with .8 cells 1.4 % off, lined up .08 %, with .6 .5 %; a cylinder in a channel
    with .7, 1.1 cells 1.5, .4 % off, lined up .6, .1 %; one with a flag behind it, .7 cells, 1.1 %, lined up .3 %, with
@@ -172,6 +176,8 @@ typedef struct {
     THICKNESS,
     LAYER,
     STREAM_LAYER,
+    SWING,
+    SWINGING_LAYER,
     GAP_WIDTH,
     WALL_WIDTH,
     METHOD /* the penalty is not good enough, and there is no room to line up */
@@ -180,7 +186,8 @@ typedef struct {
 
 PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const PromiseScene *scene)
 {
-  return (PetscBool)(PetscMin(scene->gap[0].cells, scene->gap[1].cells) < GAP[l->dim - 2][0][preset]);
+  return (PetscBool)(PetscMin(scene->gap[0].cells, scene->gap[1].cells) < GAP[l->dim - 2][0][preset] ||
+                     scene->swing.cells < SWINGS[preset]);
 }
 
 /* Is the layer of a group in the stream too thin? */
@@ -231,6 +238,10 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     if (b->group < 0 && !unfit) PetscCall(find_stream_breach(l, bodies, g, preset, aligned, scene, b));
   }
   if (b->group < 0 && unfit) *b = (Breach){0, 0, 0, METHOD};
+  if (b->group < 0 && !aligned && scene->swing.cells < SWINGS[preset])
+    *b = (Breach){scene->swing.group, scene->swing.cells, SWINGS[preset], SWING};
+  if (b->group < 0 && scene->swing.group >= 0 && scene->swing.layer < SWING_LAYER[preset])
+    *b = (Breach){scene->swing.group, scene->swing.layer, SWING_LAYER[preset], SWINGING_LAYER};
   for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
     const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
 
@@ -305,6 +316,15 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
                     "in space it needs the mesh lined up with the bodies (-couple_method aligned), and that four cells of one size around "
                     "them: raise -mesh_refine_distance to 4, or enlarge the boxes of -mesh_refine%s",
                     other));
+  else if (b->what == SWING)
+    PetscCall(
+      PetscSNPrintf(text, len,
+                    "group '%s' swings, is %.1f cells thick and needs %.0f where the mesh is not lined up with it "
+                    "(-couple_method aligned). %s%s",
+                    s->group[b->group].name, (double)b->cells, (double)b->needed, refine, other));
+  else if (b->what == SWINGING_LAYER)
+    PetscCall(PetscSNPrintf(text, len, "the layer that swings with group '%s' is %.2f cells thick and needs %.2g. %s%s",
+                            s->group[b->group].name, (double)b->cells, (double)b->needed, refine, other));
   else if (b->what == GAP_WIDTH || b->what == WALL_WIDTH)
     PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s",
                             scene->gap[b->what == WALL_WIDTH].between, (double)b->cells, (double)b->needed, refine,

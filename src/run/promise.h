@@ -7,6 +7,7 @@
 #include "gaps.h"
 #include "mesh/mesh.h"
 #include "stream.h"
+#include "swing.h"
 
 #define PROMISE_REACH 20 /* cells; wider gaps keep no preset from its promise */
 
@@ -27,10 +28,11 @@ typedef struct {
   PetscBool  steady;
   Stream     stream;
   PetscBool  spins; /* a body is free to turn, and stays where it is */
+  Swing      swing;
   PetscBool  aligned[PROMISE_NPRESETS];
 } PromiseScene;
 
-/* Is one of them too narrow for a preset with the penalty? */
+/* Is one of them too narrow for a preset with the penalty, or a body that swings too thin? */
 PetscBool   PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscInt    PromiseFind(const char name[]); /* the default where none has that name */
 PetscReal   PromisePercent(PetscInt preset);

@@ -8,6 +8,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "mesh/carry.h"
+#include "timeerror.h"
 
 #define LEAD_STEPS 10   /* steps that a new mesh looks ahead */
 #define CREEPS     1e-3 /* a body that goes less of its margin in these steps has no wake */
@@ -23,12 +24,13 @@ struct _p_Refine {
   PetscReal    track_distance; /* -mesh_track_distance */
   PetscInt     changes;
   /* what stands on the mesh */
-  Flow     flow;
-  Couple   couple;
-  Adapt    adapt;
-  Limits   limits;
-  PetscInt row; /* of these, where the mesh follows */
-  Monitor  monitor;
+  Flow      flow;
+  Couple    couple;
+  Adapt     adapt;
+  TimeError time_error;
+  Limits    limits;
+  PetscInt  row; /* of these, where the mesh follows */
+  Monitor   monitor;
 };
 
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
@@ -243,6 +245,7 @@ static PetscErrorCode renew_above(Refine r, Mesh old)
   if (r->flow) PetscCall(CoupleSetSubdomains(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
+  if (r->time_error) PetscCall(TimeErrorRemesh(r->time_error, old));
   if (r->couple) PetscCall(CoupleAfterRemesh(r->couple, &old));
   PetscCall(MeshDestroy(&old));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -360,6 +363,13 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Li
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));
   PetscCall(CheckpointAdd(checkpoint, "tree", r->mesh, MeshVisitTree));
   PetscCall(CheckpointAdd(checkpoint, "refine", r, visit_state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineAddTimeError(Refine r, TimeError t)
+{
+  PetscFunctionBeginUser;
+  if (r) r->time_error = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

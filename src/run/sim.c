@@ -1,6 +1,5 @@
-/* Sim: see sim.h. One pass of the loop is the algorithm of the method: contact forces, bodies drawn, flow solved,
-   forces read, bodies moved, reports (src/README.md follows a step through all rooms). Seconds are counted by phase
-   (NSE, Force, Particle, Output) as in the method's own cost table. */
+/* Sim: see sim.h. One pass of the loop is the method: contact forces, bodies drawn, flow solved, forces
+   read, bodies moved, reports (src/README.md follows a step). Seconds count by phase, as in the method's cost table. */
 #include "compat.h"
 #include "flow/device.h"
 #include "simimpl.h"
@@ -52,6 +51,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->fields, FieldsVisitState));
   if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  if (p->time_error) PetscCall(CheckpointAdd(p->checkpoint, "timeerror", p->time_error, TimeErrorVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "limits", s->limits, LimitsVisitState));
   if (p->gauge) PetscCall(CheckpointAdd(p->checkpoint, "gauge", p->gauge, GaugeVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
@@ -109,6 +109,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscFunctionBeginUser;
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
+  PetscCall(TimeErrorDestroy(&(*sim)->components.time_error));
   PetscCall(LimitsDestroy(&(*sim)->limits));
   PetscCall(StepCheckDestroy(&(*sim)->check));
   PetscCall(BondReportDestroy(&(*sim)->bond_report));
@@ -306,6 +307,7 @@ static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
+  PetscCall(TimeErrorStep(s->components.time_error));
   PetscCall(CoupleAdvance(s->components.couple));
   if (s->components.frame) PetscCall(FrameAccept(s->components.frame));
   if (s->check) PetscCall(StepCheckDisplacement(s->check, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));

@@ -60,6 +60,7 @@ struct SimComponents {
   PetscErrorCode (*make)(SimComponents *), (*destroy)(SimComponents *);
   PetscBool timed;            /* make: of a run in time, not of a steady one */
   Gauge     gauge;            /* NULL: no run in time whose error is estimated */
+  TimeError time_error;       /* NULL: not known */
   Expr      gravity;          /* without a flow: gravity that changes in time, or NULL */
   PetscReal gravity_start[3]; /* likewise: gravity at the start */
 };

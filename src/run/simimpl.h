@@ -9,6 +9,7 @@
 #include "solidreport.h"
 #include "stepcheck.h"
 #include "steplimits.h"
+#include "timeerror.h"
 
 struct _p_Sim {
   SimComponents      components;

@@ -1,0 +1,277 @@
+/* TimeError: see timeerror.h. */
+#include "compat.h"
+#include "timeerror.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include "bodies/local.h"
+#include "flow/device.h"
+#include "mesh/carry.h"
+#include "promise.h"
+
+#define FIRST  32  /* steps after which a run is judged for the first time, by the latter half of them */
+#define CALM   3   /* steps after which a disturbed node counts again */
+#define EVERY  8   /* steps between two looks at the rate of friction */
+#define FADE   0.9 /* what older looks count */
+#define SAFETY 0.9 /* of the step that would do */
+#define GROWTH 2   /* of a step that did more than that, at most */
+
+/* Over a stretch of steps */
+typedef struct {
+  PetscReal error, speed, time; /* integrals over time; its length */
+  PetscInt  n;
+} Share;
+
+struct _p_TimeError {
+  const SimComponents *p;
+  const MeshLocal     *l;
+  PetscReal           *slow, *age;      /* [nnode_all][dim] mean of the derivative; [nnode_all] steps since disturbed */
+  PetscReal            friction[2];     /* viscosity |grad|^2, | |^2 of the derivative, sums over looks */
+  PetscReal            promised, bound; /* share; longest step that keeps it */
+  PetscInt             preset, n, row;  /* n: steps judged */
+  Share                before, now;     /* up to the last power of two, since then */
+  PetscInt             order;
+  PetscBool            asked, told;
+};
+
+static PetscErrorCode keep_promise(void *timeerror, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = PetscMin(*dt, ((TimeError)timeerror)->bound);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, TimeError *timeerror)
+{
+  TimeError t;
+  char      preset[64];
+
+  PetscFunctionBeginUser;
+  *timeerror = NULL;
+  if (!p->flow || p->steady || p->drops || p->solids || FlowStaysOnDevice(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&t));
+  t->p = p;
+  PetscCall(MeshGetLocal(p->mesh, &t->l));
+  PetscCall(OptPeek("-preset", preset, sizeof(preset)));
+  t->asked    = (PetscBool)(preset[0] != 0);
+  t->preset   = PromiseFind(preset);
+  t->promised = 0.01 * PromisePercent(t->preset);
+  t->bound    = PETSC_MAX_REAL;
+  PetscCall(PetscCalloc2(t->l->nnode_all * t->l->dim, &t->slow, t->l->nnode_all, &t->age));
+  for (PetscInt i = 0; i < t->l->nnode_all; i++) t->age[i] = CALM;
+  PetscCall(LimitsAdd(limits,
+                      &(Limit){LIMIT_BOUND, "promise", "what the preset promises", "-sim_dt", "",
+                               "shorter from then on", t->promised, keep_promise, t},
+                      &t->row));
+  PetscCall(RefineAddTimeError(p->refine, t));
+  *timeerror = t;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorDestroy(TimeError *t)
+{
+  PetscFunctionBeginUser;
+  if (!*t) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2((*t)->slow, (*t)->age));
+  PetscCall(PetscFree(*t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- a step ---- */
+
+/* The derivative of order p is weight[0] u^{n+1} + weight[1] u^n + weight[2] u^{n-1} */
+static void get_weights(const FlowStep *step, PetscReal weight[3])
+{
+  const PetscReal h = step->dt, k = step->dt_old;
+
+  if (step->order == 1) {
+    weight[0] = 1 / h;
+    weight[1] = -1 / h;
+    weight[2] = 0;
+  } else {
+    weight[0] = 2 / (h * (h + k));
+    weight[1] = -2 / (h * k);
+    weight[2] = 2 / (k * (h + k));
+  }
+}
+
+/* Rate of friction, viscosity |grad a|^2/|a|^2 of the derivative a */
+static PetscErrorCode look_at_rate(TimeError t, const PetscReal u[], const PetscReal now[], const PetscReal old[],
+                                   const PetscReal weight[3])
+{
+  const PetscInt        n = t->l->nnode_all * t->l->dim, dim = t->l->dim;
+  const FlowParameters *par;
+  const PetscReal      *m;
+  PetscReal            *a, norm, square = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(t->p->flow, &par));
+  PetscCall(FlowGetLumpedMass(t->p->flow, &m));
+  PetscCall(PetscMalloc1(n, &a));
+  for (PetscInt j = 0; j < n; j++) a[j] = weight[0] * u[j] + weight[1] * now[j] + weight[2] * old[j];
+  PetscCall(FlowGetGradientNorm(t->p->flow, a, &norm));
+  for (PetscInt j = 0; j < t->l->nnode * dim; j++) square += m[j / dim] * PetscSqr(a[j]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &square, 1, MPIU_REAL, MPIU_SUM, t->p->comm));
+  t->friction[0] = FADE * t->friction[0] + par->viscosity / par->density * PetscSqr(norm);
+  t->friction[1] = FADE * t->friction[1] + square;
+  PetscCall(PetscFree(a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Has a body or a moving mesh touched node i in this step? */
+static PetscBool is_disturbed(const MeshLocal *l, const PetscInt body[], PetscInt i)
+{
+  PetscBool disturbed = (PetscBool)(body[i] >= 0);
+
+  for (PetscInt d = 0; d < l->dim; d++)
+    disturbed = (PetscBool)(disturbed || l->x[i * l->dim + d] != l->x_start[i * l->dim + d]);
+  return disturbed;
+}
+
+/* Is the error of these steps, of length dt, beyond the promise? Then what to do about it. */
+static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscReal dt)
+{
+  char      text[320];
+  PetscReal enough = SAFETY * dt * PetscPowReal(t->promised / PetscMax(error, 1e-12), 1. / (PetscReal)t->order);
+
+  PetscFunctionBeginUser;
+  if (t->bound < PETSC_MAX_REAL) t->bound = PetscMin(enough, GROWTH * t->bound);
+  if (error <= t->promised) PetscFunctionReturn(PETSC_SUCCESS);
+  if (t->asked) t->bound = enough;
+  if (t->told) PetscFunctionReturn(PETSC_SUCCESS);
+  if (t->asked)
+    PetscCall(
+      LogRemark("-preset %s promises %s %%, and the estimated error of steps of %.3g is %.2g %%: they are at most %.3g long from here, step %" PetscInt_FMT
+                ", on. Start with that (-sim_dt)",
+                PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)dt, (double)(100 * error), (double)enough,
+                t->n + 2));
+  PetscCall(PetscSNPrintf(text, sizeof(text), "the estimated error of steps of %.3g is %.2g %%. Lower -sim_dt to %.2g",
+                          (double)dt, (double)(100 * error), (double)enough));
+  if (!t->asked) PetscCall(PromiseSay(t->preset, PETSC_FALSE, text, NULL, 0));
+  t->told = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* At the end of a stretch of steps; what longer steps made is forgotten with it */
+static PetscErrorCode end_stretch(TimeError t)
+{
+  const PetscReal bound = t->bound;
+
+  PetscFunctionBeginUser;
+  if (t->n >= FIRST && t->now.speed > 0)
+    PetscCall(compare_with_promise(t, t->now.error / t->now.speed, t->now.time / (PetscReal)t->now.n));
+  t->before = t->bound < bound ? (Share){0} : t->now;
+  t->now    = (Share){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorStep(TimeError t)
+{
+  const FlowStep  *step;
+  const PetscReal *u, *pressure, *m;
+  const PetscInt  *body;
+  PetscReal       *now, *old, weight[3], c, q, rate, sum[2] = {0, 0};
+
+  PetscFunctionBeginUser;
+  if (!t) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetStep(t->p->flow, &step));
+  if (step->dt_old <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoupleGetSolution(t->p->couple, &u, &pressure));
+  PetscCall(CoupleGetNodeBody(t->p->couple, &body));
+  PetscCall(FlowGetFields(t->p->flow, &now, &old, NULL));
+  PetscCall(FlowGetLumpedMass(t->p->flow, &m));
+  get_weights(step, weight);
+  if (t->n % EVERY == 0) PetscCall(look_at_rate(t, u, now, old, weight));
+  c    = step->error * step->ct * step->dt * PetscPowRealInt(step->dt, (int)step->order);
+  rate = t->friction[1] > 0 ? t->friction[0] / t->friction[1] : 0;
+  q    = rate * step->dt / (1 + rate * step->dt);
+  for (PetscInt i = 0; i < t->l->nnode; i++) {
+    const PetscInt dim = t->l->dim;
+    PetscReal      e = 0, size = 0;
+
+    for (PetscInt j = i * dim; j < (i + 1) * dim; j++) {
+      const PetscReal a = weight[0] * u[j] + weight[1] * now[j] + weight[2] * old[j];
+
+      t->slow[j] += q * (a - t->slow[j]);
+      e += PetscSqr(c * (a - t->slow[j]));
+      size += PetscSqr(u[j]);
+    }
+    t->age[i] = is_disturbed(t->l, body, i) ? 0 : PetscMin(CALM, t->age[i] + 1);
+    if (t->age[i] >= CALM) sum[0] += m[i] * e;
+    if (body[i] < 0) sum[1] += m[i] * size;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, t->p->comm));
+  t->now.error += step->dt * PetscSqrtReal(sum[0]);
+  t->now.speed += step->dt * PetscSqrtReal(sum[1]);
+  t->now.time += step->dt;
+  t->now.n++;
+  t->order = step->order;
+  t->n++;
+  if (2 * t->n >= FIRST && (t->n & (t->n - 1)) == 0) PetscCall(end_stretch(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what comes of it ---- */
+
+PetscErrorCode TimeErrorGet(TimeError t, PetscReal *error)
+{
+  const PetscReal speed = t ? t->before.speed + t->now.speed : 0;
+
+  PetscFunctionBeginUser;
+  *error = speed > 0 && 2 * t->n > FIRST ? (t->before.error + t->now.error) / speed : -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorFinish(TimeError t)
+{
+  PetscReal error;
+
+  PetscFunctionBeginUser;
+  PetscCall(TimeErrorGet(t, &error));
+  if (error >= 0) PetscCall(MonitorQuantity(t->p->monitor, "estimated_error_time", error));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorRemesh(TimeError t, Mesh old)
+{
+  Mesh       now = t->p->mesh;
+  PetscReal *slow, *age;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshSyncNodes(old, t->l->dim, t->slow));
+  PetscCall(MeshSyncNodes(old, 1, t->age));
+  PetscCall(MeshGetLocal(now, &t->l));
+  PetscCall(PetscMalloc2(t->l->nnode_all * t->l->dim, &slow, t->l->nnode_all, &age));
+  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&t->slow, &slow));
+  PetscCall(MeshCarryNodes(old, now, 1, t->age, age));
+  PetscCall(PetscFree2(t->slow, t->age));
+  t->slow = slow;
+  t->age  = age;
+  for (PetscInt i = 0; i < t->l->nnode_all; i++)
+    t->age[i] = PetscMax(0, PetscMin(CALM, PetscFloorReal(t->age[i] + 1e-9)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TimeErrorVisitState(void *timeerror, State state)
+{
+  TimeError t         = timeerror;
+  PetscReal number[9] = {t->before.error, t->before.speed, t->before.time, t->now.error, t->now.speed,
+                         t->now.time,     t->friction[0],  t->friction[1], t->bound};
+  PetscInt  count[5]  = {t->before.n, t->now.n, t->n, t->order, t->told};
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "numbers", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of an older run: begins here */
+  PetscCall(StateReals(state, "numbers", 9, number));
+  PetscCall(StateInts(state, "counts", 5, count));
+  t->before = (Share){number[0], number[1], number[2], count[0]};
+  t->now    = (Share){number[3], number[4], number[5], count[1]};
+  t->bound  = number[8];
+  t->n      = count[2];
+  t->order  = count[3];
+  PetscCall(PetscArraycpy(t->friction, number + 6, 2));
+  t->told = (PetscBool)count[4];
+  PetscCall(StateNodes(state, "slow", t->l->dim, t->slow));
+  PetscCall(StateNodes(state, "age", 1, t->age));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
