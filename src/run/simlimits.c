@@ -24,7 +24,9 @@ PetscErrorCode SimCreateLimits(Sim s)
   if (p->flow)
     PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
   if (!s->adapt) PetscCall(LimitsAdd(s->limits, &fixed, NULL));
-  if (!s->trial) PetscCall(TimeErrorCreate(p, s->limits, &s->components.time_error));
+  if (!s->trial)
+    PetscCall(TimeErrorCreate(p, s->limits, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt,
+                              &s->components.time_error));
   if (p->flow) PetscCall(LimitsAddParticipants(s->limits, p->couple));
   if (p->flow) PetscCall(StepCheckCreate(p->flow, p->bodies, p->couple, s->limits, &s->check));
   if (s->s->nall) PetscCall(LimitsAdd(s->limits, &contact, &s->contact_row));

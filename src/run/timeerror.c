@@ -8,16 +8,21 @@
 #include "mesh/carry.h"
 #include "promise.h"
 
-#define FIRST  32  /* steps after which a run is judged for the first time, by the latter half of them */
-#define CALM   3   /* steps after which a disturbed node counts again */
-#define EVERY  8   /* steps between two looks at the rate of friction */
-#define FADE   0.9 /* what older looks count */
-#define SAFETY 0.9 /* of the step that would do */
-#define GROWTH 2   /* of a step that did more than that, at most */
+/* steps after which a run is judged for the first time, by the latter half of them: a sudden start leaves about
+   1/(3 n^2) at step n, .1 and .03 % */
+#define FIRST          32
+#define FIRST_ACCURATE 64
+#define CALM           3   /* steps after which a disturbed node counts again */
+#define EVERY          8   /* steps between two looks at the rate of friction */
+#define FADE           0.9 /* what older looks count */
+#define SAFETY         0.9 /* of the step that would do */
+#define YOUNG          128 /* steps, of a run that may stop */
+#define LEFT           0.5 /* of the promise: what longer steps may leave in the latter half of the run */
+#define GROWTH         2   /* of a step that did more than that, at most */
 
 /* Over a stretch of steps */
 typedef struct {
-  PetscReal error, speed, time; /* integrals over time; its length */
+  PetscReal error, past, speed, time; /* integrals over time; past: of what longer steps made; its length */
   PetscInt  n;
 } Share;
 
@@ -26,9 +31,11 @@ struct _p_TimeError {
   const MeshLocal     *l;
   PetscReal           *slow, *age;      /* [nnode_all][dim] mean of the derivative; [nnode_all] steps since disturbed */
   PetscReal            friction[2];     /* viscosity |grad|^2, | |^2 of the derivative, sums over looks */
+  PetscReal            past, last;      /* error that longer steps made, as those of `now`; share in the last stretch */
+  PetscReal            end;             /* of the run */
   PetscReal            promised, bound; /* share; longest step that keeps it */
-  PetscInt             preset, n, row;  /* n: steps judged */
-  Share                before, now;     /* up to the last power of two, since then */
+  PetscInt             preset, row, n, first; /* n: steps seen; when they are judged for the first time */
+  Share                before, now;           /* up to the last power of two, since then */
   PetscInt             order;
   PetscBool            asked, told;
 };
@@ -40,7 +47,7 @@ static PetscErrorCode keep_promise(void *timeerror, PetscReal *dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, TimeError *timeerror)
+PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal end, TimeError *timeerror)
 {
   TimeError t;
   char      preset[64];
@@ -56,6 +63,9 @@ PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, TimeError 
   t->preset   = PromiseFind(preset);
   t->promised = 0.01 * PromisePercent(t->preset);
   t->bound    = PETSC_MAX_REAL;
+  t->end      = end;
+  t->first    = t->promised < 0.005 ? FIRST_ACCURATE : FIRST;
+  t->last     = -1;
   PetscCall(PetscCalloc2(t->l->nnode_all * t->l->dim, &t->slow, t->l->nnode_all, &t->age));
   for (PetscInt i = 0; i < t->l->nnode_all; i++) t->age[i] = CALM;
   PetscCall(LimitsAdd(limits,
@@ -127,38 +137,61 @@ static PetscBool is_disturbed(const MeshLocal *l, const PetscInt body[], PetscIn
   return disturbed;
 }
 
-/* Is the error of these steps, of length dt, beyond the promise? Then what to do about it. */
-static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscReal dt)
+static PetscReal get_rate(TimeError t)
 {
-  char      text[320];
-  PetscReal enough = SAFETY * dt * PetscPowReal(t->promised / PetscMax(error, 1e-12), 1. / (PetscReal)t->order);
+  return t->friction[1] > 0 ? t->friction[0] / t->friction[1] : 0;
+}
+
+/* A preset that was asked for: shorter steps from here on, or none */
+static PetscErrorCode keep_or_stop(TimeError t, PetscReal error, PetscReal dt, PetscReal enough)
+{
+  const FlowStep *step;
+  PetscReal       left;
 
   PetscFunctionBeginUser;
-  if (t->bound < PETSC_MAX_REAL) t->bound = PetscMin(enough, GROWTH * t->bound);
-  if (error <= t->promised) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->asked) t->bound = enough;
-  if (t->told) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->asked)
+  PetscCall(FlowGetStep(t->p->flow, &step));
+  left = error * PetscExpReal(-get_rate(t) * PetscMax(0, 0.5 * t->end - step->time));
+  PetscCheck(t->n > YOUNG || left <= LEFT * t->promised, t->p->comm, PETSC_ERR_USER_INPUT,
+             "-preset %s cannot keep its %s %% here: the estimated error of steps of %.3g is %.2g %%. Lower -sim_dt to %.2g, or remove -preset",
+             PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)dt, (double)(100 * error), (double)enough);
+  if (!t->told)
     PetscCall(
       LogRemark("-preset %s promises %s %%, and the estimated error of steps of %.3g is %.2g %%: they are at most %.3g long from here, step %" PetscInt_FMT
                 ", on. Start with that (-sim_dt)",
                 PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)dt, (double)(100 * error), (double)enough,
                 t->n + 2));
+  t->bound = enough;
+  t->past  = PetscMax(t->past, t->now.error / t->now.time);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is the error of these steps, of length dt, beyond the promise? Then what to do about it. */
+static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscReal dt)
+{
+  char            text[320];
+  const PetscReal enough = SAFETY * dt * PetscPowReal(t->promised / PetscMax(error, 1e-12), 1. / (PetscReal)t->order);
+
+  PetscFunctionBeginUser;
+  if (error <= t->promised) {
+    if (t->bound < PETSC_MAX_REAL) t->bound = PetscMin(enough, GROWTH * t->bound);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (t->asked && enough < t->bound) PetscCall(keep_or_stop(t, error, dt, enough));
   PetscCall(PetscSNPrintf(text, sizeof(text), "the estimated error of steps of %.3g is %.2g %%. Lower -sim_dt to %.2g",
                           (double)dt, (double)(100 * error), (double)enough));
-  if (!t->asked) PetscCall(PromiseSay(t->preset, PETSC_FALSE, text, NULL, 0));
+  if (!t->asked && !t->told) PetscCall(PromiseSay(t->preset, PETSC_FALSE, text, NULL, 0));
   t->told = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* At the end of a stretch of steps; what longer steps made is forgotten with it */
+/* At the end of a stretch of steps */
 static PetscErrorCode end_stretch(TimeError t)
 {
   const PetscReal bound = t->bound;
 
   PetscFunctionBeginUser;
-  if (t->n >= FIRST && t->now.speed > 0)
-    PetscCall(compare_with_promise(t, t->now.error / t->now.speed, t->now.time / (PetscReal)t->now.n));
+  t->last = t->now.speed > 0 ? t->now.error / t->now.speed : -1;
+  if (t->n >= t->first && t->last >= 0) PetscCall(compare_with_promise(t, t->last, t->now.time / (PetscReal)t->now.n));
   t->before = t->bound < bound ? (Share){0} : t->now;
   t->now    = (Share){0};
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -182,7 +215,7 @@ PetscErrorCode TimeErrorStep(TimeError t)
   get_weights(step, weight);
   if (t->n % EVERY == 0) PetscCall(look_at_rate(t, u, now, old, weight));
   c    = step->error * step->ct * step->dt * PetscPowRealInt(step->dt, (int)step->order);
-  rate = t->friction[1] > 0 ? t->friction[0] / t->friction[1] : 0;
+  rate = get_rate(t);
   q    = rate * step->dt / (1 + rate * step->dt);
   for (PetscInt i = 0; i < t->l->nnode; i++) {
     const PetscInt dim = t->l->dim;
@@ -197,16 +230,18 @@ PetscErrorCode TimeErrorStep(TimeError t)
     }
     t->age[i] = is_disturbed(t->l, body, i) ? 0 : PetscMin(CALM, t->age[i] + 1);
     if (t->age[i] >= CALM) sum[0] += m[i] * e;
-    if (body[i] < 0) sum[1] += m[i] * size;
+    if (t->age[i] >= CALM) sum[1] += m[i] * size;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, t->p->comm));
+  t->past *= PetscExpReal(-rate * step->dt);
   t->now.error += step->dt * PetscSqrtReal(sum[0]);
+  t->now.past += step->dt * t->past;
   t->now.speed += step->dt * PetscSqrtReal(sum[1]);
   t->now.time += step->dt;
   t->now.n++;
   t->order = step->order;
   t->n++;
-  if (2 * t->n >= FIRST && (t->n & (t->n - 1)) == 0) PetscCall(end_stretch(t));
+  if (2 * t->n >= t->first && (t->n & (t->n - 1)) == 0) PetscCall(end_stretch(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -217,7 +252,9 @@ PetscErrorCode TimeErrorGet(TimeError t, PetscReal *error)
   const PetscReal speed = t ? t->before.speed + t->now.speed : 0;
 
   PetscFunctionBeginUser;
-  *error = speed > 0 && 2 * t->n > FIRST ? (t->before.error + t->now.error) / speed : -1;
+  *error = speed > 0 && 2 * t->n > t->first ? (t->before.error + t->now.error + t->before.past + t->now.past) / speed
+         : t                                ? t->last
+                                            : -1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,7 +264,12 @@ PetscErrorCode TimeErrorFinish(TimeError t)
 
   PetscFunctionBeginUser;
   PetscCall(TimeErrorGet(t, &error));
-  if (error >= 0) PetscCall(MonitorQuantity(t->p->monitor, "estimated_error_time", error));
+  if (error < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MonitorQuantity(t->p->monitor, "estimated_error_time", error));
+  if (t->asked && error > t->promised && t->n >= t->first)
+    PetscCall(
+      LogRemark("-preset %s promises %s %%, and the steps of this run leave an estimated error of %.2g %%: lower -sim_dt",
+                PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)(100 * error)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -253,23 +295,26 @@ PetscErrorCode TimeErrorRemesh(TimeError t, Mesh old)
 
 PetscErrorCode TimeErrorVisitState(void *timeerror, State state)
 {
-  TimeError t         = timeerror;
-  PetscReal number[9] = {t->before.error, t->before.speed, t->before.time, t->now.error, t->now.speed,
-                         t->now.time,     t->friction[0],  t->friction[1], t->bound};
-  PetscInt  count[5]  = {t->before.n, t->now.n, t->n, t->order, t->told};
+  TimeError t          = timeerror;
+  PetscReal number[13] = {t->before.error, t->before.past, t->before.speed, t->before.time, t->now.error,
+                          t->now.past,     t->now.speed,   t->now.time,     t->friction[0], t->friction[1],
+                          t->bound,        t->past,        t->last};
+  PetscInt  count[5]   = {t->before.n, t->now.n, t->n, t->order, t->told};
   PetscBool has;
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "numbers", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of an older run: begins here */
-  PetscCall(StateReals(state, "numbers", 9, number));
+  PetscCall(StateReals(state, "numbers", 13, number));
   PetscCall(StateInts(state, "counts", 5, count));
-  t->before = (Share){number[0], number[1], number[2], count[0]};
-  t->now    = (Share){number[3], number[4], number[5], count[1]};
-  t->bound  = number[8];
+  t->before = (Share){number[0], number[1], number[2], number[3], count[0]};
+  t->now    = (Share){number[4], number[5], number[6], number[7], count[1]};
+  t->bound  = number[10];
+  t->past   = number[11];
+  t->last   = number[12];
   t->n      = count[2];
   t->order  = count[3];
-  PetscCall(PetscArraycpy(t->friction, number + 6, 2));
+  PetscCall(PetscArraycpy(t->friction, number + 8, 2));
   t->told = (PetscBool)count[4];
   PetscCall(StateNodes(state, "slow", t->l->dim, t->slow));
   PetscCall(StateNodes(state, "age", 1, t->age));

@@ -5,21 +5,23 @@
    the time 1/r: what is so slow that friction has settled it. r is the rate at which friction takes the derivative
    away, viscosity |grad|^2/| |^2 of it. In a linear flow of one rate that is the error: where a force swings the fluid,
    with bdf2, (omega dt)^2/3 times the share of the inertia in the forces. A jump leaves nothing, as e is no sum over
-   steps. Nodes that a body or a mesh has moved over within three steps count as exact.
+   steps. Nodes that a body or a mesh has moved over within three steps do not count.
 
    The estimate is the root mean square of e over the fluid, over that of the speed, both as means over the latter half
-   of the steps or more of them. At 32, 64, 128 ... steps, where a preset promises less, a remark says which step would
-   do, and a preset that was asked for takes that step from there on (row `promise` of the limits). runs/studies/steps
-   has errors and estimates. Costs a look at all nodes a step. Not for steady runs, runs on a device, drops and elastic
+   of the steps or more of them. At 32 (accurate: 64), 64, 128 ... steps, where a preset promises less, a remark says which step would
+   do. A preset that was asked for takes that step from there on (row `promise` of the limits) if friction forgets what
+   the longer ones made within half of the run, else the run stops while it is young. runs/studies/steps has errors and
+   estimates. Costs a look at all nodes a step. Not for steady runs, runs on a device, drops and elastic
    particles, whose fields have kinks that travel. */
 #pragma once
 #include "sim.h"
 #include "steplimits.h"
 
-/* NULL where nothing is judged; else adds its row to the limits. Collective. */
-PetscErrorCode TimeErrorCreate(const SimComponents *, Limits, TimeError *);
+/* NULL where nothing is judged; else adds its row to the limits. end: of the run. Collective. */
+PetscErrorCode TimeErrorCreate(const SimComponents *, Limits, PetscReal end, TimeError *);
 PetscErrorCode TimeErrorDestroy(TimeError *);
-/* A step or a part of one was accepted; before CoupleAdvance. NULL: nothing happens. Collective. */
+/* A step or a part of one was accepted; before CoupleAdvance. NULL: nothing happens. Collective. Errors: a promise that
+   cannot be kept any more. */
 PetscErrorCode TimeErrorStep(TimeError);
 /* Estimate as a share, -1: not known; what Finish tells. Local. */
 PetscErrorCode TimeErrorGet(TimeError, PetscReal *error);

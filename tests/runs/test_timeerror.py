@@ -51,8 +51,8 @@ def test_the_estimate_is_the_error(run, scene, args, viscosity):
 
 
 def test_balanced_keeps_its_promise(run, scene):
-    """20 steps a period are 3 % off: the steps become shorter, one remark says so, and no step is when they are short enough."""
-    result = run([scene(CHANNEL, "a.yaml"), "-preset", "balanced"])
+    """20 steps a period are 3 % off. In a long run they become shorter, one remark says so, and none is when they are short enough."""
+    result = run([scene(CHANNEL, "a.yaml"), "-preset", "balanced", "-sim_time", "8"])
     assert not result.status, result.text
     assert result.text.count("remark: -preset balanced promises 1 %, and the estimated error of steps of 0.05 is 3 %") == 1, result.text
     folder = result.folder / "out/a"
@@ -61,6 +61,18 @@ def test_balanced_keeps_its_promise(run, scene):
     assert 0.02 < step < 0.03
     fine = run(["a.yaml", "-preset", "balanced", "-sim_dt", str(step), "-output_dir", "fine"])
     assert "promises" not in fine.text and len(rows(fine.folder / "fine")) == pytest.approx(5 / step, abs=1)
+
+
+@pytest.mark.parametrize("viscosity, time, step", [("0.8", "4", "0.026"), ("0.01", "8", "0.03")])
+def test_what_friction_does_not_forget_is_refused(run, scene, viscosity, time, step):
+    """A short run, or one with little friction: what the first steps made stays, so that it stops, and with the step that is named it is within."""
+    args = [scene(CHANNEL, "a.yaml"), "-flow_viscosity", viscosity, "-preset", "balanced", "-sim_time", time]
+    result = run(args)
+    assert result.status, result.text
+    assert "-preset balanced cannot keep its 1 % here: the estimated error of steps of 0.05 is" in result.text
+    assert f"Lower -sim_dt to {step}, or remove -preset" in result.text
+    again = run([*args, "-sim_dt", step, "-sim_time", "4", "-output_dir", "again"])
+    assert not again.status and "promise" not in again.text, again.text
 
 
 def test_the_default_remarks(run, scene):
@@ -74,21 +86,21 @@ def test_the_default_remarks(run, scene):
 def test_a_wall_that_swings(run, scene):
     """Stress at the wall, exact amplitude sqrt(2 pi 0.3): steps of 0.05 leave 1.6 %."""
     found = []
-    for args in [], ["-preset", "balanced"]:
+    for args in [], ["-preset", "balanced", "-sim_dt", "0.035"]:
         result = run([scene(WALL, "a.yaml"), *args, "-output_dir", f"out{len(found)}"])
         assert not result.status, result.text
         stress = [(float(row["time"]), -2 * float(row["wall_force_bottom_x"])) for row in rows(result.folder / f"out{len(found)}")]
         k = math.sqrt(2 * math.pi * 0.3)
         pairs = [(k * math.sin(2 * math.pi * t + math.pi / 4), s) for t, s in stress if t > 3]
         found.append(math.sqrt(sum((a - s) ** 2 for a, s in pairs) / sum(a**2 for a, _ in pairs)))
-    assert 0.013 < found[0] < 0.02 and found[1] < 0.008, found
+    assert 0.013 < found[0] < 0.02 and found[1] < 0.009, found
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_restart_is_identical(run, scene, ranks):
     """Once steps have become shorter, and before."""
     name = scene(CHANNEL, "a.yaml")
-    args = [name, "-preset", "balanced", "-sim_time", "1.9", "-checkpoint_every", "20"]
+    args = [name, "-preset", "balanced", "-sim_time", "8", "-checkpoint_every", "20"]
     assert not run([*args, "-output_dir", "whole"], ranks).status
     for stop in 20, 40:
         folder = f"parts{stop}"
