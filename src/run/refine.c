@@ -8,7 +8,6 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "mesh/carry.h"
-#include "timeerror.h"
 
 #define LEAD_STEPS 10   /* steps that a new mesh looks ahead */
 #define CREEPS     1e-3 /* a body that goes less of its margin in these steps has no wake */
@@ -24,13 +23,14 @@ struct _p_Refine {
   PetscReal    track_distance; /* -mesh_track_distance */
   PetscInt     changes;
   /* what stands on the mesh */
-  Flow      flow;
-  Couple    couple;
-  Adapt     adapt;
-  TimeError time_error;
-  Limits    limits;
-  PetscInt  row; /* of these, where the mesh follows */
-  Monitor   monitor;
+  Flow   flow;
+  Couple couple;
+  Adapt  adapt;
+  void  *client; /* NULL: no other */
+  PetscErrorCode (*renew)(void *client, Mesh old);
+  Limits   limits;
+  PetscInt row; /* of these, where the mesh follows */
+  Monitor  monitor;
 };
 
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
@@ -245,7 +245,7 @@ static PetscErrorCode renew_above(Refine r, Mesh old)
   if (r->flow) PetscCall(CoupleSetSubdomains(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
-  if (r->time_error) PetscCall(TimeErrorRemesh(r->time_error, old));
+  if (r->client) PetscCall((*r->renew)(r->client, old));
   if (r->couple) PetscCall(CoupleAfterRemesh(r->couple, &old));
   PetscCall(MeshDestroy(&old));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -366,10 +366,12 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Li
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineAddTimeError(Refine r, TimeError t)
+PetscErrorCode RefineSetClient(Refine r, PetscErrorCode (*renew)(void *client, Mesh old), void *client)
 {
   PetscFunctionBeginUser;
-  if (r) r->time_error = t;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  r->client = client;
+  r->renew  = renew;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

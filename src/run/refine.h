@@ -14,8 +14,7 @@
 #include "report/checkpoint.h"
 #include "report/monitor.h"
 
-typedef struct _p_Refine    *Refine;
-typedef struct _p_TimeError *TimeError; /* timeerror.h */
+typedef struct _p_Refine *Refine;
 
 /* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
    (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
@@ -33,8 +32,8 @@ PetscErrorCode RefineSetBodies(Refine, Bodies, PetscInt reach);
    bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
    the bodies. Borrowed. Not collective. */
 PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Limits, Checkpoint, Monitor);
-/* One more that stands on it. Borrowed. Not collective. */
-PetscErrorCode RefineAddTimeError(Refine, TimeError);
+/* One more that stands on it: renew(client, old) after the flow knows the new mesh. Borrowed. Not collective. */
+PetscErrorCode RefineSetClient(Refine, PetscErrorCode (*renew)(void *client, Mesh old), void *client);
 /* After all is loaded: cells that the options want otherwise are made anew, and the fields carried over. Collective. */
 PetscErrorCode RefineMatch(Refine);
 /* For meshes refined by the flow (meshadapt.h). What the mesh was made around at first; not collective. Another mesh in

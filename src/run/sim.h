@@ -26,6 +26,7 @@
 
 typedef struct _p_Gauge        *Gauge;
 typedef struct _p_ScalarLayers *ScalarLayers;
+typedef struct _p_TimeError    *TimeError;
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
    and couple are NULL. Not owned. */

@@ -20,9 +20,14 @@
 #define LEFT           0.5 /* of the promise: what longer steps may leave in the latter half of the run */
 #define GROWTH         2   /* of a step that did more than that, at most */
 
+/* Cells in the layer at walls of a flow that swings. Mean velocity: a channel with .12, .23, .45, .7 cells .7, .5, .1,
+   .1 % off, a duct with 1.2 .02 %, a tube, whose cells are oblique, with 1.5 .25 %, with 2 .04 (runs/studies/steps) */
+static const PetscReal LAYER[PROMISE_NPRESETS] = {0.05, 0.25, 2};
+
 /* Over a stretch of steps */
 typedef struct {
-  PetscReal error, past, speed, time; /* integrals over time; past: of what longer steps made; its length */
+  PetscReal error, past, speed, change, time; /* integrals over time; past: of what longer steps made; change: of the
+                                                 derivative; its length */
   PetscInt  n;
 } Share;
 
@@ -72,7 +77,7 @@ PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal 
                       &(Limit){LIMIT_BOUND, "promise", "what the preset promises", "-sim_dt", "",
                                "shorter from then on", t->promised, keep_promise, t},
                       &t->row));
-  PetscCall(RefineAddTimeError(p->refine, t));
+  PetscCall(RefineSetClient(p->refine, TimeErrorRemesh, t));
   *timeerror = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -184,6 +189,31 @@ static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of a flow without bodies that swings: is the layer at walls resolved, sqrt(2 nu/omega), omega^2 the derivative over the
+   speed? Those with bodies: promise.c. */
+static PetscErrorCode check_layer(TimeError t)
+{
+  const FlowParameters *par;
+  BodyState            *s;
+  char                  law[64];
+  PetscReal             omega, cells;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(t->p->bodies, &s));
+  PetscCall(OptPeek("-flow_rheology", law, sizeof(law)));
+  if (!t->asked || t->n > YOUNG || t->order < 2 || s->nall || law[0] || t->now.change <= 0)
+    PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetParameters(t->p->flow, &par));
+  omega = PetscSqrtReal(t->now.change / t->now.speed);
+  cells = PetscSqrtReal(2 * par->viscosity / (par->density * omega)) / t->l->h;
+  PetscCheck(cells >= LAYER[t->preset] || get_rate(t) > omega, t->p->comm, PETSC_ERR_USER_INPUT,
+             "-preset %s cannot keep its %s %% here: the layer at walls of a flow that swings is %.2f cells thick and "
+             "needs %.2g. "
+             "Refine the mesh (-mesh_cells, -mesh_resolution), or remove -preset",
+             PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)cells, (double)LAYER[t->preset]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* At the end of a stretch of steps */
 static PetscErrorCode end_stretch(TimeError t)
 {
@@ -192,6 +222,7 @@ static PetscErrorCode end_stretch(TimeError t)
   PetscFunctionBeginUser;
   t->last = t->now.speed > 0 ? t->now.error / t->now.speed : -1;
   if (t->n >= t->first && t->last >= 0) PetscCall(compare_with_promise(t, t->last, t->now.time / (PetscReal)t->now.n));
+  if (t->n >= t->first && t->last >= 0) PetscCall(check_layer(t));
   t->before = t->bound < bound ? (Share){0} : t->now;
   t->now    = (Share){0};
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -202,7 +233,7 @@ PetscErrorCode TimeErrorStep(TimeError t)
   const FlowStep  *step;
   const PetscReal *u, *pressure, *m;
   const PetscInt  *body;
-  PetscReal       *now, *old, weight[3], c, q, rate, sum[2] = {0, 0};
+  PetscReal       *now, *old, weight[3], c, q, rate, sum[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   if (!t) PetscFunctionReturn(PETSC_SUCCESS);
@@ -219,7 +250,7 @@ PetscErrorCode TimeErrorStep(TimeError t)
   q    = rate * step->dt / (1 + rate * step->dt);
   for (PetscInt i = 0; i < t->l->nnode; i++) {
     const PetscInt dim = t->l->dim;
-    PetscReal      e = 0, size = 0;
+    PetscReal      e = 0, size = 0, change = 0;
 
     for (PetscInt j = i * dim; j < (i + 1) * dim; j++) {
       const PetscReal a = weight[0] * u[j] + weight[1] * now[j] + weight[2] * old[j];
@@ -227,16 +258,20 @@ PetscErrorCode TimeErrorStep(TimeError t)
       t->slow[j] += q * (a - t->slow[j]);
       e += PetscSqr(c * (a - t->slow[j]));
       size += PetscSqr(u[j]);
+      change += PetscSqr(a);
     }
     t->age[i] = is_disturbed(t->l, body, i) ? 0 : PetscMin(CALM, t->age[i] + 1);
-    if (t->age[i] >= CALM) sum[0] += m[i] * e;
-    if (t->age[i] >= CALM) sum[1] += m[i] * size;
+    if (t->age[i] < CALM) continue;
+    sum[0] += m[i] * e;
+    sum[1] += m[i] * size;
+    sum[2] += m[i] * change;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, t->p->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, t->p->comm));
   t->past *= PetscExpReal(-rate * step->dt);
   t->now.error += step->dt * PetscSqrtReal(sum[0]);
   t->now.past += step->dt * t->past;
   t->now.speed += step->dt * PetscSqrtReal(sum[1]);
+  t->now.change += step->dt * PetscSqrtReal(sum[2]);
   t->now.time += step->dt;
   t->now.n++;
   t->order = step->order;
@@ -273,8 +308,9 @@ PetscErrorCode TimeErrorFinish(TimeError t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TimeErrorRemesh(TimeError t, Mesh old)
+PetscErrorCode TimeErrorRemesh(void *timeerror, Mesh old)
 {
+  TimeError  t   = timeerror;
   Mesh       now = t->p->mesh;
   PetscReal *slow, *age;
 
@@ -296,25 +332,25 @@ PetscErrorCode TimeErrorRemesh(TimeError t, Mesh old)
 PetscErrorCode TimeErrorVisitState(void *timeerror, State state)
 {
   TimeError t          = timeerror;
-  PetscReal number[13] = {t->before.error, t->before.past, t->before.speed, t->before.time, t->now.error,
-                          t->now.past,     t->now.speed,   t->now.time,     t->friction[0], t->friction[1],
-                          t->bound,        t->past,        t->last};
+  PetscReal number[15] = {t->before.error, t->before.past, t->before.speed, t->before.change, t->before.time,
+                          t->now.error,    t->now.past,    t->now.speed,    t->now.change,    t->now.time,
+                          t->friction[0],  t->friction[1], t->bound,        t->past,          t->last};
   PetscInt  count[5]   = {t->before.n, t->now.n, t->n, t->order, t->told};
   PetscBool has;
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "numbers", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of an older run: begins here */
-  PetscCall(StateReals(state, "numbers", 13, number));
+  PetscCall(StateReals(state, "numbers", 15, number));
   PetscCall(StateInts(state, "counts", 5, count));
-  t->before = (Share){number[0], number[1], number[2], number[3], count[0]};
-  t->now    = (Share){number[4], number[5], number[6], number[7], count[1]};
-  t->bound  = number[10];
-  t->past   = number[11];
-  t->last   = number[12];
+  t->before = (Share){number[0], number[1], number[2], number[3], number[4], count[0]};
+  t->now    = (Share){number[5], number[6], number[7], number[8], number[9], count[1]};
+  t->bound  = number[12];
+  t->past   = number[13];
+  t->last   = number[14];
   t->n      = count[2];
   t->order  = count[3];
-  PetscCall(PetscArraycpy(t->friction, number + 8, 2));
+  PetscCall(PetscArraycpy(t->friction, number + 10, 2));
   t->told = (PetscBool)count[4];
   PetscCall(StateNodes(state, "slow", t->l->dim, t->slow));
   PetscCall(StateNodes(state, "age", 1, t->age));

@@ -8,11 +8,12 @@
    steps. Nodes that a body or a mesh has moved over within three steps do not count.
 
    The estimate is the root mean square of e over the fluid, over that of the speed, both as means over the latter half
-   of the steps or more of them. At 32 (accurate: 64), 64, 128 ... steps, where a preset promises less, a remark says which step would
-   do. A preset that was asked for takes that step from there on (row `promise` of the limits) if friction forgets what
-   the longer ones made within half of the run, else the run stops while it is young. runs/studies/steps has errors and
-   estimates. Costs a look at all nodes a step. Not for steady runs, runs on a device, drops and elastic
-   particles, whose fields have kinks that travel. */
+   of the steps or more of them. At 32, 64, 128 ... steps (accurate: from 64 on), where a preset promises less, a remark
+   says which step would do. A preset that was asked for takes that step from there on (row `promise` of the limits) if
+   friction forgets within half of the run what the longer ones made, else the run stops while it is young, as it does
+   where a flow without bodies swings and its layer at walls is too thin for the cells. runs/studies/steps has errors
+   and estimates. Costs a look at all nodes a step. Not for steady runs, runs on a device, drops and elastic particles,
+   whose fields have kinks that travel. */
 #pragma once
 #include "sim.h"
 #include "steplimits.h"
@@ -28,6 +29,6 @@ PetscErrorCode TimeErrorGet(TimeError, PetscReal *error);
 /* Into the summary: estimated_error_time. Collective. */
 PetscErrorCode TimeErrorFinish(TimeError);
 /* The mesh has been made anew (AdaptRemesh). Collective. */
-PetscErrorCode TimeErrorRemesh(TimeError, Mesh old);
+PetscErrorCode TimeErrorRemesh(void *timeerror, Mesh old);
 /* StateVisit of a TimeError. */
 PetscErrorCode TimeErrorVisitState(void *timeerror, State);
