@@ -189,8 +189,8 @@ static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of a flow without bodies that swings: is the layer at walls resolved, sqrt(2 nu/omega), omega^2 the derivative over the
-   speed? Those with bodies: promise.c. */
+/* Of a flow without bodies that swings: is the layer at walls resolved, sqrt(2 nu/omega), omega^2 the derivative over
+   the speed? Those with bodies: promise.c. */
 static PetscErrorCode check_layer(TimeError t)
 {
   const FlowParameters *par;
