@@ -6,7 +6,7 @@
 #include "promise.h"
 #include "stream.h"
 
-#define INERTIA 10  /* 2 pi U^2/(A D), below which inertia is most of the force */
+#define INERTIA 10  /* sqrt(8) pi U^2/(A D), below which inertia is most of the force */
 #define TIMES   256 /* in a run */
 #define FEW     8   /* bodies of a group that are looked at */
 
@@ -43,7 +43,7 @@ static PetscErrorCode find_rate(Bodies bodies, const BodyState *s, PetscInt k, P
   speed        = PetscSqrtReal(speed / TIMES);
   acceleration = PetscSqrtReal(acceleration / TIMES);
   *rate        = 0;
-  if (speed > 0 && 2 * PETSC_PI * PetscSqr(speed) < INERTIA * 2 * BodiesGetRadius(s, k) * acceleration)
+  if (speed > 0 && 2 * PETSC_SQRT2 * PETSC_PI * PetscSqr(speed) < INERTIA * 2 * BodiesGetRadius(s, k) * acceleration)
     *rate = acceleration / speed;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

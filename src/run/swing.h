@@ -9,7 +9,7 @@ typedef struct {
   PetscReal layer; /* cells in the layer sqrt(2 nu U/A) that swings with them (Stokes 1851), the thinnest */
 } Swing;
 
-/* Bodies whose translation is prescribed and swings: 2 pi U^2/(A D) below 10, with U and A the root mean squares of
-   speed and acceleration over the run and D the diameter (of an oscillation the number of Keulegan and Carpenter 1958).
-   By options that stay unread. Collective. */
+/* Bodies whose translation is prescribed and swings: sqrt(8) pi U^2/(A D) below 10, with U and A the root mean squares
+   of speed and acceleration over the run and D the diameter (of an oscillation the number of Keulegan and Carpenter
+   1958). By options that stay unread. Collective. */
 PetscErrorCode SwingFind(const MeshLocal *, Bodies, Swing *);
