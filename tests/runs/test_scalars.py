@@ -44,6 +44,32 @@ def read_last(folder):
     return read_steps(folder)[-1]
 
 
+DISPERSES = """mesh: {cells: [3, 16], upper: [1.5, 1], periodic: [x]}
+flow: {density: 1, viscosity: 1, initial: poiseuille, velocity: [1, 0], rate: [1, 0]}
+scalars: heat
+scalar: {heat: {conductivity: 0.1, gradient: [1, 0]}}
+sim: {dt: 0.2, time: 4}
+output: {every: 0}
+"""
+
+
+def test_a_flow_between_plates_disperses_as_taylor_and_aris_say(run, scene, tmp_path):
+    """Mean velocity 1 between plates 1 apart, diffusivity .1: 1 + 2/105 Pe^2 by half the distance, Pe 5"""
+    run([scene(DISPERSES), "-output_dir", tmp_path / "out"])
+    row = read_last(tmp_path / "out")
+    assert float(row["scalar_effective_heat"]) == pytest.approx(0.1 * (1 + 2 / 105 * 25), rel=1e-4)
+    assert float(row["scalar_error_heat"]) < 1e-10
+
+
+def test_a_hot_disc_in_a_cold_square_heats_it(run, tmp_path):
+    """As much leaves through the walls; converged to the digits given (runs/studies/scalars)"""
+    run([ROOT / "runs/cylinder-in-cavity.yaml", "-sim_time", "16", "-output_every", "0", "-output_dir", tmp_path / "out"])
+    row = read_last(tmp_path / "out")
+    walls = sum(float(row[f"scalar_flux_heat_{side}"]) for side in ("left", "right", "bottom", "top"))
+    assert float(row["scalar_bodies_heat"]) / 2 / 0.01186781658 == pytest.approx(3.2257, rel=1e-3)
+    assert walls == pytest.approx(-float(row["scalar_bodies_heat"]), rel=1e-4)
+
+
 def test_the_heated_cavity_has_its_nusselt_number(run, tmp_path):
     """De Vahl Davis 1983: 1.118 at Ra 1e3, on both walls, and the balances close"""
     run([ROOT / "runs/heated-cavity.yaml", "-mesh_cells", "16,16", "-flow_viscosity", "0.0266458252", "-scalar_heat_conductivity", "0.0375293312", "-sim_dt", "1",
@@ -132,7 +158,7 @@ output: {every: 0}
 """
 
 
-@pytest.mark.parametrize("ranks, method", [(1, "penalty"), (1, "nodal"), (2, "penalty"), (1, "aligned"), (3, "aligned")])
+@pytest.mark.parametrize("ranks, method", [(1, "penalty"), (1, "nodal"), (2, "penalty"), (3, "penalty"), (1, "aligned"), (2, "aligned"), (3, "aligned")])
 def test_a_body_that_moves_keeps_its_heat(run, scene, tmp_path, ranks, method):
     """A warm disc goes with the fluid: diffusion in its frame, .62931 at its centre (runs/studies/scalars/radial.py), and what it covers is given back"""
     run([scene(CARRIED), "-couple_method", method, "-output_dir", tmp_path / "out"], ranks)
