@@ -166,14 +166,15 @@ PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
 
 /* Operator of all components, in products next to S for every component. */
 typedef struct {
-  Mat              E;      /* own nodes x dim, component fastest */
-  const PetscReal *lumped; /* [nnode_all] inertia that the owner has among cell terms, for the lumped mass of
+  Mat              E;         /* own nodes x dim, component fastest */
+  const PetscReal *lumped;    /* [nnode_all] inertia that the owner has among cell terms, for the lumped mass of
                               preconditioners (NULL: none) */
-  const PetscReal *force;  /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
+  const PetscReal *force;     /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
+  PetscBool        compliant; /* E is no more than a few times the flow's viscous part: it needs no block */
 } FlowOperator;
 /* Adds E to the operator; the same owners in the same order on all ranks. The solver multiplies with E in its
    iterations, -flow_solver direct adds it to its matrix; others factorise the nodes
-   that it has entries at (solve/solidblock.h). Local. */
+   that it has entries at (solve/solidblock.h) where it is not compliant. Local. */
 PetscErrorCode FlowAddOperator(Flow, const void *owner, const FlowOperator *);
 
 /* Continuity of own cells that give way or have a source: B u + C p = g with C [n][dim + 1][dim + 1] (1/viscosity times

@@ -2,6 +2,7 @@
    particles (bodies, solid, phase), each of which takes the groups that are its own; options that they read alike. */
 #pragma once
 #include "shape.h"
+#include "shape/place.h"
 
 typedef enum {
   MATERIAL_RIGID,
@@ -27,3 +28,17 @@ PetscErrorCode ParticleCreateShape(const char group[], PetscInt dim, Shape *shap
    message where -particle_<group>_place asks for more. Errors: that, no position. Not collective. */
 PetscErrorCode ParticleReadPosition(const char group[], const char what[], PetscInt dim, PetscReal x[],
                                     PetscReal *angle);
+
+/* Particles placed so far, [n], for groups that are to keep clear of them */
+typedef struct {
+  PetscInt n, capacity;
+  PetscReal (*x)[3], *radius;
+} ParticlesPlaced;
+
+/* Where all particles of a group start, whose shape has this bounding radius, as -particle_<group>_place says: single,
+   lattice, random or table; lower, upper [3] of the domain. They are added to `placed`. *p [*n] is the caller's to
+   free. Collective. Errors: they do not fit, place pack, a table with sizes or densities, velocities. */
+PetscErrorCode ParticleReadPlacements(const char group[], const char what[], PetscInt dim, PetscReal radius,
+                                      const PetscReal lower[3], const PetscReal upper[3], ParticlesPlaced *placed,
+                                      PetscInt *n, Placement **p);
+PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *);

@@ -21,7 +21,7 @@ typedef struct {
   SolidMaterial material; /* kappa 0; lambda 0 where it is incompressible */
   PetscBool     compressible;
   PetscReal     density, viscosity, volume_return;
-  PetscInt      first, count; /* of the solids */
+  PetscInt      first, count; /* of the solids; those of several are neither held nor watched */
   PetscBool    *clamped;      /* [mesh.nnode] */
   PetscInt      nclamped;
   PetscInt      nwatch, *watch; /* nodes of the reference mesh that are watched */
@@ -43,9 +43,10 @@ typedef struct {
 typedef struct _p_Solids *Solids;
 
 /* Read the options of all elastic groups, make their meshes (cells of `size` unless they say otherwise) and place
-   their solids; *solids is NULL if there are none. period [3]: of the domain. Collective. Errors: a shape that cannot
-   be followed, options that contradict each other. */
-PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, Solids *);
+   their solids; *solids is NULL if there are none. lower, upper [3]: of the domain. Collective. Errors: a shape that
+   cannot be followed, options that contradict each other. */
+PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, const PetscReal lower[3], const PetscReal upper[3],
+                            Solids *);
 PetscErrorCode SolidsDestroy(Solids *);
 PetscErrorCode SolidsGetState(Solids, SolidsState **);
 PetscErrorCode SolidsView(Solids, PetscViewer);

@@ -15,7 +15,7 @@
    placed by _position; translation is then never free. External force and torque act at the centre of mass. */
 #pragma once
 #include "bodies/bodies.h"
-#include "place.h"
+#include "shape/place.h"
 #include "track.h"
 
 /* Read the options of a group, and its velocities u [3], w [3] at the start. Collective: a file is read once. Errors:

@@ -4,7 +4,7 @@
    volumes with s^dim, second moments with s^(dim + 2)). Numbers come from the seed of the group alone: not from the
    number of ranks, and not from where the bodies are placed. */
 #pragma once
-#include "place.h"
+#include "shape/place.h"
 
 typedef enum {
   SPREAD_SAME,

@@ -9,6 +9,9 @@
 #include "fem/element.h"
 
 #define AWAY 2 /* cells */
+#define COMPLIANT \
+  3 /* stress of solids over that of the fluid in a step: so much the solver takes without a block; immersed
+                  alone (runs/studies/elastic) */
 
 /* Numbers of a step that cells of a solid need */
 typedef struct {
@@ -284,6 +287,20 @@ static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Are all solids so soft in a step that the solver needs no factors of them? */
+static PetscBool is_compliant(const Elastic *e, Couple c)
+{
+  const PetscReal bdt       = 1 / c->step->ct;
+  PetscBool       compliant = (PetscBool)!e->align;
+
+  for (PetscInt g = 0; g < e->s->ngroups; g++) {
+    const SolidGroup *group = e->s->group + g;
+
+    compliant = (PetscBool)(compliant && bdt * group->material.mu + group->viscosity <= COMPLIANT * c->par->viscosity);
+  }
+  return compliant;
+}
+
 PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
 {
   PetscBool any_C;
@@ -298,8 +315,11 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
   if (e->align) PetscCall(assemble_inertia(e, c));
-  PetscCall(
-    FlowAddOperator(c->flow, e, &(FlowOperator){.E = e->E, .lumped = e->align ? e->lumped : NULL, .force = e->force}));
+  PetscCall(FlowAddOperator(c->flow, e,
+                            &(FlowOperator){.E         = e->E,
+                                            .lumped    = e->align ? e->lumped : NULL,
+                                            .force     = e->force,
+                                            .compliant = is_compliant(e, c)}));
   PetscCall(assemble_volumes(e, c, &any_C));
   PetscCall(FlowAddVolume(c->flow, e,
                           &(FlowVolume){.n     = e->nvolume,

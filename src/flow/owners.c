@@ -175,6 +175,7 @@ PetscErrorCode FlowMarkOperators(Flow f, PetscBool marked[])
     const Mat E = f->owners.operators[o].is.E;
     PetscInt  start;
 
+    if (f->owners.operators[o].is.compliant) continue;
     PetscCall(MatGetOwnershipRange(E, &start, NULL));
     for (PetscInt i = 0; i < f->loc->nnode * dim; i++) {
       const PetscScalar *v;

@@ -252,7 +252,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(sim, steady, &l));
-  PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, &sim->solids));
+  PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, l->lower, l->upper, &sim->solids));
   PetscCall(create_drops(sim, l->dim));
   if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));

@@ -105,16 +105,17 @@ static void find_velocity(const SolidsState *s, PetscInt k, PetscReal u[3])
                   s->u[m->dim * (s->first[k] + m->cell_node[c * m->nb + j]) + a] / m->volume;
 }
 
-static PetscErrorCode set_group(SolidReport r, PetscInt g)
+/* One of the solids of a group */
+static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
 {
-  const SolidGroup *group     = r->s->group + g;
-  PetscReal         v[NGROUP] = {0}, u[3], force[3] = {0};
+  const SolidGroup *group = r->s->group + r->s->group_of[k];
+  PetscReal         u[3], force[3] = {0};
   SolidSums         sums;
 
   PetscFunctionBeginUser;
-  SolidsMeasure(r->solids, group->first, &sums);
-  find_velocity(r->s, group->first, u);
-  if (r->couple) PetscCall(CoupleGetSolidForce(r->couple, group->first, force));
+  SolidsMeasure(r->solids, k, &sums);
+  find_velocity(r->s, k, u);
+  if (r->couple) PetscCall(CoupleGetSolidForce(r->couple, k, force));
   v[OF_X]       = sums.centroid[0];
   v[OF_Y]       = sums.centroid[1];
   v[OF_U]       = u[0];
@@ -130,8 +131,31 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
   v[OF_FORCE_X] = force[0];
   v[OF_FORCE_Y] = force[1];
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of several: energy and force of all, the largest stretch and the volume that is furthest off, means of the rest */
+static PetscErrorCode set_group(SolidReport r, PetscInt g)
+{
+  const SolidGroup *group       = r->s->group + g;
+  PetscReal         all[NGROUP] = {0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = group->first; k < group->first + group->count; k++) {
+    PetscReal v[NGROUP] = {0};
+
+    PetscCall(measure(r, k, v));
+    for (PetscInt i = 0; i < NGROUP; i++) {
+      if (i == OF_VOLUME) all[i] = PetscAbsReal(v[i]) > PetscAbsReal(all[i]) ? v[i] : all[i];
+      else if (i == OF_STRETCH) all[i] = PetscMax(all[i], v[i]);
+      else
+        all[i] += i == OF_ENERGY || i == OF_FORCE_X || i == OF_FORCE_Y || i == OF_FORCE_Z
+                  ? v[i]
+                  : v[i] / (PetscReal)group->count;
+    }
+  }
   for (PetscInt i = 0; i < NGROUP; i++)
-    if (has_column(r->s->dim, i)) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], v[i]));
+    if (has_column(r->s->dim, i)) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], all[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,6 +1,7 @@
 /* What the particles of a group are made of. See include/shape/material.h. */
 #include "compat.h"
 #include "shape/material.h"
+#include "base/array.h"
 #include "base/opt.h"
 
 #define MAX_GROUPS 257
@@ -49,22 +50,127 @@ PetscErrorCode ParticleCreateShape(const char group[], PetscInt dim, Shape *shap
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const char *const PLACES[] = {"single", "lattice", "random", "table", "pack", NULL};
+
+enum {
+  SINGLE,
+  LATTICE,
+  RANDOM,
+  TABLE,
+  PACK
+};
+
 PetscErrorCode ParticleReadPosition(const char group[], const char what[], PetscInt dim, PetscReal x[],
                                     PetscReal *angle)
 {
-  static const char *const PLACES[] = {"single", "lattice", "random", "table", "pack", NULL};
-  char                     name[OPT_NAME];
-  PetscInt                 place = 0;
-  PetscBool                found;
+  char      name[OPT_NAME];
+  PetscInt  place = SINGLE;
+  PetscBool found;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACES, &place));
-  PetscCheck(place == 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
+  PetscCheck(place == SINGLE, PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s %s: %s are placed one a group, at -particle_%s_position: remove it, or give each its own group", name,
              PLACES[place], what, group);
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_position", name), dim, x, &found));
   PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give %s", group, name);
   *angle = 0;
   PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), angle));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- many ---- */
+
+static PetscErrorCode read_table(const char group[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p)
+{
+  char      name[OPT_NAME], file[PETSC_MAX_PATH_LEN] = "";
+  PetscBool sizes, densities, angles;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptString(OptJoin("-particle_", group, "_table", name), file, sizeof(file)));
+  PetscCheck(file[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no table: give %s", group, name);
+  PetscCall(PlaceTable(file, dim, base, n, p, &sizes, &densities, &angles));
+  PetscCheck(!sizes && !densities, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "The table %s gives sizes or densities, and particles of group '%s' are all alike: remove these columns, or give each kind its own group",
+             file, group);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode place_on_lattice(const PlaceBox *box, PetscInt n, Placement p[])
+{
+  PetscInt split[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PlaceLattice(box, n, split));
+  for (PetscInt i = 0; i < n; i++) PlaceOnLattice(box, split, n, i, p[i].x);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Those of place lattice and random, in a box of their own or the domain */
+static PetscErrorCode place_many(const char group[], PetscBool random, PlaceBox *box, const Placement *base,
+                                 const ParticlesPlaced *placed, PetscInt *n, Placement **p)
+{
+  char      name[OPT_NAME];
+  PetscReal lower[3], upper[3];
+  PetscInt  seed = 0;
+
+  PetscFunctionBeginUser;
+  *n = 1;
+  PetscCall(PetscArraycpy(lower, box->lower, 3));
+  PetscCall(PetscArraycpy(upper, box->upper, 3));
+  PetscCall(OptInt(OptJoin("-particle_", group, "_count", name), n));
+  PetscCheck(*n > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s is %" PetscInt_FMT ": it is to be one at least", name,
+             *n);
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_lower", name), box->dim, lower, NULL));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_upper", name), box->dim, upper, NULL));
+  PetscCall(OptReal(OptJoin("-particle_", group, "_margin", name), &box->margin));
+  PetscCall(OptInt(OptJoin("-particle_", group, "_seed", name), &seed));
+  box->lower = lower;
+  box->upper = upper;
+  PetscCall(PetscMalloc1(*n, p));
+  for (PetscInt i = 0; i < *n; i++) (*p)[i] = *base;
+  if (random) PetscCall(PlaceRandom(box, seed, placed->n, placed->x, placed->radius, *n, *p));
+  else PetscCall(place_on_lattice(box, *n, *p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ParticleReadPlacements(const char group[], const char what[], PetscInt dim, PetscReal radius,
+                                      const PetscReal lower[3], const PetscReal upper[3], ParticlesPlaced *placed,
+                                      PetscInt *n, Placement **p)
+{
+  char      name[OPT_NAME];
+  PetscInt  place = SINGLE;
+  Placement base  = {.scale = 1, .density = 1};
+  PlaceBox  box   = {.name = group, .dim = dim, .lower = lower, .upper = upper, .radius = radius};
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACES, &place));
+  PetscCheck(place != PACK, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "%s pack is for rigid bodies, not %s: use lattice or random", name, what);
+  if (place == SINGLE) {
+    PetscCall(PetscMalloc1(1, p));
+    **p = base;
+    *n  = 1;
+    PetscCall(ParticleReadPosition(group, what, dim, (*p)->x, &(*p)->angle));
+  } else {
+    PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &base.angle));
+    if (place == TABLE) PetscCall(read_table(group, dim, &base, n, p));
+    else PetscCall(place_many(group, (PetscBool)(place == RANDOM), &box, &base, placed, n, p));
+  }
+  PetscCall(ArrayReserve(placed->n + *n, &placed->capacity, &placed->x, sizeof(*placed->x), &placed->radius,
+                         sizeof(*placed->radius), NULL));
+  for (PetscInt i = 0; i < *n; i++, placed->n++) {
+    PetscCall(PetscArraycpy(placed->x[placed->n], (*p)[i].x, 3));
+    placed->radius[placed->n] = radius;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *placed)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(placed->x));
+  PetscCall(PetscFree(placed->radius));
+  placed->n = placed->capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

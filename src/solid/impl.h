@@ -2,6 +2,7 @@
    steps without flow. reference.c, element.c, law.c: what a solid is made of. */
 #pragma once
 #include "solid/solid.h"
+#include "shape/material.h"
 #include <petscksp.h>
 
 typedef struct {
@@ -18,6 +19,10 @@ struct _p_Solids {
   SolidNewton *newton; /* [n] NULL: none so far */
 };
 
-/* Position x [dim] of the centroid of the solid of a group, and what turns its frame into space, R [3][3]. */
-PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscReal x[], PetscReal R[9]);
+/* Where the solids of a group start, clear of those before (place random), and how many there are: g->count. *place is
+   the caller's to free. */
+PetscErrorCode SolidGroupReadPlacements(SolidGroup *, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                        ParticlesPlaced *, Placement **place);
+/* Nodes X [count][mesh.nnode][dim] of the solids of a group there. */
+PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, const Placement place[], PetscReal X[]);
 PetscErrorCode SolidNewtonDestroy(Solids);

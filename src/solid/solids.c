@@ -163,47 +163,70 @@ static PetscErrorCode number_solids(Solids b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* X of the solid of a group, and what goes by it */
-static PetscErrorCode place_solid(Solids b, SolidGroup *g)
+/* Options that say where a point of the one solid of a group is */
+static PetscErrorCode refuse_points(const SolidGroup *g)
 {
-  const PetscInt dim = b->s.dim;
-  PetscReal     *at = b->s.X + dim * b->first[g->first], x[3] = {0}, R[9];
+  static const char *const OF_ONE[] = {"_clamp", "_watch"};
 
   PetscFunctionBeginUser;
-  PetscCall(SolidGroupPlace(g, dim, x, R));
-  for (PetscInt j = 0; j < g->mesh.nnode; j++)
-    for (PetscInt a = 0; a < dim; a++) {
-      at[dim * j + a] = x[a];
-      for (PetscInt e = 0; e < dim; e++) at[dim * j + a] += R[3 * a + e] * g->mesh.X[dim * j + e];
-    }
-  PetscCall(read_clamp(g, at));
-  PetscCall(read_watch(g, dim, at));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(OF_ONE) && g->count > 1; i++) {
+    char      name[OPT_NAME];
+    PetscBool given;
+
+    PetscCall(OptHas(OptJoin("-particle_", g->name, OF_ONE[i], name), &given));
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "%s is for groups of one elastic particle, and group '%s' has %" PetscInt_FMT
+               ": remove it, or give each its own group",
+               name, g->name, g->count);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of groups that are there: meshes, a solid each, places */
-static PetscErrorCode create_groups(Solids b, PetscReal size)
+/* X of the solids of a group, and what goes by it */
+static PetscErrorCode place_solids(Solids b, SolidGroup *g, const Placement place[])
 {
-  SolidsState *s = &b->s;
+  PetscReal *X = b->s.X + b->s.dim * b->first[g->first];
 
   PetscFunctionBeginUser;
+  PetscCall(refuse_points(g));
+  PetscCall(SolidGroupPlace(g, b->s.dim, place, X));
+  PetscCall(read_clamp(g, X));
+  PetscCall(read_watch(g, b->s.dim, X));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of groups that are there: meshes, solids, places */
+static PetscErrorCode create_groups(Solids b, PetscReal size, const PetscReal lower[3], const PetscReal upper[3])
+{
+  SolidsState    *s      = &b->s;
+  ParticlesPlaced placed = {.n = 0};
+  Placement     **place;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(s->ngroups, &place));
   for (PetscInt i = 0; i < s->ngroups; i++) {
     SolidGroup *g = b->group + i;
 
     PetscCall(read_material(g));
     PetscCall(create_mesh(g, s->dim, size));
+    PetscCall(SolidGroupReadPlacements(g, s->dim, lower, upper, &placed, &place[i]));
     g->first = s->n;
-    g->count = 1;
     s->n += g->count;
   }
   PetscCall(number_solids(b));
-  for (PetscInt i = 0; i < s->ngroups; i++) PetscCall(place_solid(b, b->group + i));
+  for (PetscInt i = 0; i < s->ngroups; i++) {
+    PetscCall(place_solids(b, b->group + i, place[i]));
+    PetscCall(PetscFree(place[i]));
+  }
+  PetscCall(PetscFree(place));
+  PetscCall(ParticlesPlacedDestroy(&placed));
   PetscCall(PetscArraycpy(s->x, s->X, s->nnode * s->dim));
   PetscCall(PetscArraycpy(s->x_old, s->X, s->nnode * s->dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, Solids *solids)
+PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, const PetscReal lower[3],
+                            const PetscReal upper[3], Solids *solids)
 {
   Solids b;
 
@@ -217,7 +240,7 @@ PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, Solids 
     PetscCall(SolidsDestroy(solids));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(create_groups(b, size));
+  PetscCall(create_groups(b, size, lower, upper));
   b->s.group    = b->group;
   b->s.group_of = b->group_of;
   b->s.first    = b->first;
@@ -257,13 +280,15 @@ PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
   for (PetscInt i = 0; i < b->s.ngroups; i++) {
     const SolidGroup *g = b->group + i;
 
-    PetscCall(
-      PetscViewerASCIIPrintf(viewer,
-                             "elastic group '%s': %s, %" PetscInt_FMT " cells of size %.3g, %" PetscInt_FMT
-                             " nodes (%" PetscInt_FMT " held), shear modulus %g, Lame's first %g%s\n",
-                             g->name, g->material.law == SOLID_NEO_HOOKEAN ? "neo_hookean" : "st_venant_kirchhoff",
-                             g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped, (double)g->material.mu,
-                             (double)g->material.lambda, g->compressible ? "" : " (incompressible)"));
+    PetscCall(PetscViewerASCIIPrintf(viewer,
+                                     "elastic group '%s': %" PetscInt_FMT " of %s, %" PetscInt_FMT
+                                     " cells of size %.3g, %" PetscInt_FMT " nodes (%" PetscInt_FMT
+                                     " held), shear modulus %g, Lame's first %g%s\n",
+                                     g->name, g->count,
+                                     g->material.law == SOLID_NEO_HOOKEAN ? "neo_hookean" : "st_venant_kirchhoff",
+                                     g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped,
+                                     (double)g->material.mu, (double)g->material.lambda,
+                                     g->compressible ? "" : " (incompressible)"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,10 +1,15 @@
 """Elastic particles: scenes of runs/ against exact and published values at reduced size, the same on all numbers of ranks, restarts, refusals."""
 import csv
 import math
+import sys
 
+import numpy as np
 import pytest
 
 from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+import tumble  # noqa: E402
 
 RUNS = ROOT / "runs"
 SOFT = ["-mesh_coarsest", "4,4", "-mesh_growth", "1,1", "-mesh_focus_h", "0.4", "-output_every", "0"]
@@ -212,6 +217,40 @@ def test_contact_restarts(run, scene):
         assert two[column] == pytest.approx(whole[column], rel=1e-6), column
 
 
+MANY = ["-mesh_cells", "12,18", "-particle_soft_count", "8", "-particle_soft_solid_size", "0.15", "-output_every", "0"]
+
+
+def test_suspension_ranks(rows):
+    """Many soft discs: the same on 1, 2 and 3 ranks."""
+    one, *others = (rows("soft-suspension", *MANY, "-sim_steps", "4", "-flow_ksp_rtol", "1e-9", ranks=ranks, folder=f"r{ranks}")[-1] for ranks in (1, 2, 3))
+    for other in others:
+        for name in ("solid_y_soft", "solid_v_soft", "solid_energy_soft", "solid_stretch_soft", "kinetic_energy"):
+            assert other[name] == pytest.approx(one[name], rel=1e-5), name
+
+
+def test_solid_files(rows, tmp_path):
+    """solid_<step>.h5 read back: outlines where discs start, cells that keep their area on the mean, stress without a load nothing but small, numbers of all solids."""
+    last = rows("soft-suspension", *MANY[:-2], "-sim_steps", "2", "-output_every", "2")[-1]
+    solids = tumble.open(tmp_path / "out").snapshot(step=2).solids
+    start = solids["coordinates"] - solids["displacement"]
+    assert set(solids["solid"]) == set(range(8)) and solids["cells"].max() == len(start) - 1
+    for k in range(8):
+        nodes = np.unique(solids["cells"][solids["solid"] == k])
+        assert np.hypot(*(start[nodes, :2] - start[nodes, :2].mean(0)).T).max() == pytest.approx(0.3, rel=0.01)
+    assert np.abs(solids["J"] - 1).mean() < 0.01 and np.isfinite(solids["stress"]).all() and np.abs(solids["stress"]).max() < 15
+    assert start[:, 1].mean() + solids["displacement"][:, 1].mean() == pytest.approx(last["solid_y_soft"], abs=0.05)
+
+
+def test_suspension_restart(rows):
+    """Many soft discs: a restart has the same bits."""
+    every = [*MANY, "-checkpoint_every", "3"]
+    whole = rows("soft-suspension", *every, "-sim_steps", "5", folder="whole")[-1]
+    rows("soft-suspension", *every, "-sim_steps", "3", folder="part")
+    again = rows("soft-suspension", *every, "-sim_steps", "5", "-sim_restart", "latest", folder="part")[-1]
+    for name in ("solid_y_soft", "solid_v_soft", "solid_energy_soft", "solid_stretch_soft", "kinetic_energy"):
+        assert again[name] == whole[name], name
+
+
 @pytest.mark.parametrize(
     "scene, options, message",
     [
@@ -219,8 +258,10 @@ def test_contact_restarts(run, scene):
         ("soft-disc-shear", ["-flow_solver", "fast"], "-flow_solver fast"),
         ("soft-disc-shear", ["-flow_time", "cn"], "-flow_time be or bdf2"),
         ("soft-disc-shear", ["-particle_soft_poisson", "0.4", "-flow_solver", "balanced"], "needs -flow_solver direct"),
-        ("soft-disc-shear", ["-particle_soft_place", "random"], "one a group"),
+        ("soft-disc-shear", ["-particle_soft_place", "pack"], "use lattice or random"),
         ("soft-disc-shear", ["-particle_soft_watch", "3,3"], "away from the solid"),
+        ("soft-suspension", ["-particle_soft_watch", "3,3"], "groups of one elastic particle"),
+        ("soft-suspension", ["-particle_soft_count", "300"], "only 22 of 300 fit"),
         ("csm", ["-particle_flag_clamp", "x-3"], "holds no node"),
         ("csm", ["-particle_flag_poisson", "0.5"], "below 0.5"),
         ("csm", ["-particle_flag_solid_cells", "1,1"], "cannot follow its shape"),

@@ -5,6 +5,8 @@
 #include "solid/solid.h"
 #include "base/algebra.h"
 
+static const PetscReal BOX[2][3] = {{0, 0, 0}, {4, 4, 0}};
+
 static const char beam[] =
   "-particle_groups flag -particle_flag_shape composite -particle_flag_parts beam,cylinder -particle_flag_beam_shape box "
   "-particle_flag_beam_size 0.4,0.02 -particle_flag_beam_offset 0.2,0 -particle_flag_cylinder_shape circle "
@@ -21,7 +23,7 @@ static Solids open_beam(PetscReal modulus, PetscInt along, PetscInt across, Soli
            "%s -particle_flag_shear_modulus %g -particle_flag_solid_cells %" PetscInt_FMT ",%" PetscInt_FMT, beam,
            (double)modulus, along, across);
   give(options);
-  OK(SolidsCreate(PETSC_COMM_WORLD, 2, 0.01, &b));
+  OK(SolidsCreate(PETSC_COMM_WORLD, 2, 0.01, BOX[0], BOX[1], &b));
   OK(SolidsGetState(b, s));
   return b;
 }
@@ -47,7 +49,7 @@ static void test_disc(void **state)
   give(
     "-particle_groups soft -particle_soft_shape circle -particle_soft_radius 0.3 -particle_soft_position 1,2 "
     "-particle_soft_material neo_hookean -particle_soft_shear_modulus 2 -particle_soft_poisson 0.3 -particle_soft_density 1.5");
-  OK(SolidsCreate(PETSC_COMM_WORLD, 2, 0.1, &b));
+  OK(SolidsCreate(PETSC_COMM_WORLD, 2, 0.1, BOX[0], BOX[1], &b));
   OK(SolidsGetState(b, &s));
   m = &s->group[0].mesh;
   NEAR(m->volume, PETSC_PI * 0.09, 2e-5 * 0.28);

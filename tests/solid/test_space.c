@@ -19,7 +19,7 @@ static Solids open_solid(const char shape[], PetscInt law, PetscReal size, Solid
 
   snprintf(options, sizeof(options), SOFT "%s %s", LAWS[law], shape);
   give(options);
-  OK(SolidsCreate(PETSC_COMM_WORLD, 3, size, &b));
+  OK(SolidsCreate(PETSC_COMM_WORLD, 3, size, (PetscReal[3]){0, 0, 0}, (PetscReal[3]){4, 4, 4}, &b));
   OK(SolidsGetState(b, s));
   return b;
 }

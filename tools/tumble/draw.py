@@ -241,6 +241,20 @@ def find_drops(run, shot):
     return [line for _, line, _ in add_images(lines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot))]
 
 
+def find_solids(run, shot):
+    """Edges [9][2] of the outlines of elastic particles in a plane run, parabolas, with their images across periodic boundaries."""
+    solids = shot.solids
+    if not solids or solids["cells"].shape[1] != 9:
+        return []
+    edges = np.concatenate([solids["cells"][:, [i, (i + 1) % 4, 4 + i]] for i in range(4)])
+    _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)  # those of one cell alone, by their middles
+    place = np.linspace(-1, 1, 9)
+    shape = np.stack([place * (place - 1) / 2, place * (place + 1) / 2, 1 - place**2], 1)
+    points = np.einsum("kj,ejx->ekx", shape, solids["coordinates"][edges[first[count == 1]]][:, :, :2])
+    lines = [(0, line, None) for line in points]
+    return [line for _, line, _ in add_images(lines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot))]
+
+
 def split_names(text):
     """Words of an option that are separated by commas or blanks."""
     return text.replace(",", " ").split()

@@ -6,7 +6,7 @@ Reads an output directory (whatever is there, also while the run goes on) and wr
                         drag and lift of those that are held or led. With published points if runs/reference/<scene>.csv exists
   <y>-<x>.png           with --curve y/x: columns of bodies.csv against each other (--curve angle: against time), with the reference's points of that column
   history.png           energy, outer iterations, divergence and momentum balance against time
-  field_<step>.png      speed of the fluid with the outlines of bodies and drops (aggregates in colours, bonds red under pull;
+  field_<step>.png      speed of the fluid with the outlines of bodies, elastic particles and drops (aggregates in colours, bonds red under pull;
                         field_<step>_vorticity.png and so on for other fields); of a run in
                         space on a plane through its largest body, or as --slice x=0.5 says
   surface_<step>.png    in space: the bodies' surfaces behind the plane (needs VTK: pip install vtk; Debian's python3-vtk9 without a screen needs xvfb)
@@ -124,8 +124,8 @@ def draw_bodies(axes, run, shot, outlines):
 
 
 def draw_drops(axes, run, shot, colour):
-    """The interface of drops."""
-    axes.add_collection(LineCollection(draw.find_drops(run, shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
+    """The interface of drops, outlines of elastic particles."""
+    axes.add_collection(LineCollection(draw.find_drops(run, shot) + draw.find_solids(run, shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
 
 
 def draw_bonds(axes, run, shot):

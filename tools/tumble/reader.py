@@ -358,6 +358,16 @@ class Snapshot:
         with self._h5py.File(path) as file:
             return {name: values[:] if name in ("coordinates", "edge", "face") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
 
+    @functools.cached_property
+    def solids(self) -> dict[str, np.ndarray]:
+        """Elastic particles at this time: coordinates, displacement, velocity [nodes][3], cells [cells][9 or 27] (order of VTK), solid, J [cells], stress [cells][6] (xx, yy,
+        zz, xy, xz, yz); {} without."""
+        path = self._path.with_name(f"solid_{self.step}.h5") if self._path else None
+        if not path or not path.exists():
+            return {}
+        with self._h5py.File(path) as file:
+            return {name: np.ravel(values[:]) if name in ("solid", "J") else values[:] for name, values in file.items() if name != "time"}
+
     def pyvista(self, what: str = "fields"):
         """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds" and "drops": lines (drops in space: faces), as pyvista.PolyData.
 

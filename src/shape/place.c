@@ -5,10 +5,10 @@
    new centre has to keep, so that a dart looks into one cell only. Lengths in the unit of the scene. Knows no
    shapes: bodies are kept apart by their bounding radius. */
 #include "compat.h"
+#include "shape/place.h"
 #include "base/csv.h"
 #include "base/grid.h"
 #include "base/mix.h"
-#include "place.h"
 
 #define MAX_TRIES 20000 /* darts for one body before the box counts as full */
 

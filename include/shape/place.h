@@ -1,4 +1,4 @@
-/* Place: where the bodies of a group start: in rows, at random, or from a table. */
+/* Place: where the particles of a group start: in rows, at random, or from a table. For the rooms that own them. */
 #pragma once
 #include <petscsys.h>
 
