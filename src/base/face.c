@@ -6,6 +6,8 @@
 #define ROUNDS    40
 #define HALVINGS  30
 #define ROUND_OFF 1e-14 /* step in coordinates */
+#define FLAT      1e-2  /* sine of the angle of tangents */
+#define BESIDE    0.9   /* coordinates of a place beside a node */
 
 /* Lagrange's parabolas of -1, 0, 1 at s: values, first and second derivatives */
 static void parabolas(PetscReal s, PetscReal v[3], PetscReal d[3], PetscReal dd[3])
@@ -129,6 +131,20 @@ void FaceNormal(PetscInt dim, const FacePoint *f, PetscReal n[3])
   }
   length = PetscSqrtReal(dot3(n, n));
   for (PetscInt a = 0; a < 3; a++) n[a] /= length;
+}
+
+void FaceNodeNormal(PetscReal (*const x)[3], PetscInt j, PetscReal n[3])
+{
+  const PetscReal at[2] = {(PetscReal)(j % 3) - 1, (PetscReal)(j / 3) - 1};
+  const PetscReal in[2] = {BESIDE * at[0], BESIDE * at[1]};
+  PetscReal       area[3];
+  FacePoint       place;
+
+  FaceEvaluate(3, x, at, &place);
+  cross(place.t[0], place.t[1], area);
+  if (dot3(area, area) <= FLAT * FLAT * dot3(place.t[0], place.t[0]) * dot3(place.t[1], place.t[1]))
+    FaceEvaluate(3, x, in, &place);
+  FaceNormal(3, &place, n);
 }
 
 void FaceCurvature(PetscInt dim, const FacePoint *f, const PetscReal n[3], PetscReal K[9])

@@ -430,9 +430,15 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
              "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
              "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)");
   e->rebase   = (PetscBool)(c->s->nall > 0);
-  e->anchored = PETSC_TRUE;
+  PetscCheck(!e->rebase || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
+             "elastic ones");
+  e->anchored = (PetscBool)(e->s->dim == 2);
   for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
   PetscCall(OptBool("-couple_anchored", &e->anchored));
+  PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
+             "-couple_anchored true: the mesh goes along with elastic particles that are held in the plane alone; in space it is lined up with them in "
+             "every step: remove it");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,9 +3,7 @@
 #include "elasticfaces.h"
 #include "base/algebra.h"
 
-#define BULGE  1.2  /* a face lies in so many times the ball about its middle that holds its nodes */
-#define FLAT   1e-2 /* sine of the angle of its tangents, at a corner of a cell with three faces on a smooth surface: */
-#define BESIDE 0.9  /* the normal is that of a place beside it */
+#define BULGE 1.2 /* a face lies in so many times the ball about its middle that holds its nodes */
 
 struct _p_ElasticFaces {
   const SolidsState *s;
@@ -59,21 +57,6 @@ static PetscReal distance_of(const PetscReal x[3], const PetscReal y[3])
   return PetscSqrtReal(dot3(r, r));
 }
 
-/* Of length 1, at node j of a face */
-static void normal_at(PetscReal (*const p)[3], PetscInt j, PetscReal n[3])
-{
-  const PetscReal at[2] = {(PetscReal)(j % 3) - 1, (PetscReal)(j / 3) - 1};
-  const PetscReal in[2] = {BESIDE * at[0], BESIDE * at[1]};
-  PetscReal       area[3];
-  FacePoint       place;
-
-  FaceEvaluate(3, p, at, &place);
-  cross(place.t[0], place.t[1], area);
-  if (dot3(area, area) <= FLAT * FLAT * dot3(place.t[0], place.t[0]) * dot3(place.t[1], place.t[1]))
-    FaceEvaluate(3, p, in, &place);
-  FaceNormal(3, &place, n);
-}
-
 void ElasticFacesSet(ElasticFaces b, const PetscReal x[])
 {
   b->x = x;
@@ -87,7 +70,7 @@ void ElasticFacesSet(ElasticFaces b, const PetscReal x[])
     for (PetscInt j = 0; j < 9; j++) {
       PetscReal n[3];
 
-      normal_at(p, j, n);
+      FaceNodeNormal(p, j, n);
       for (PetscInt a = 0; a < 3; a++) b->normal[3 * node[j] + a] += n[a];
       b->half[f] = PetscMax(b->half[f], BULGE * distance_of(p[j], p[4]));
     }

@@ -199,7 +199,7 @@ PetscErrorCode ElasticSurfacesCreate(const SolidsState *s, ElasticSurfaces *surf
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
   b->s = s;
-  PetscCall(PetscMalloc2(s->n + 1, &b->first, s->n + 1, &b->first_corner));
+  PetscCall(PetscCalloc2(s->n + 1, &b->first, s->n + 1, &b->first_corner));
   b->first[0] = 0;
   for (PetscInt k = 0; k < s->n; k++)
     b->first[k + 1] = b->first[k] + (s->dim == 2 ? s->group[s->group_of[k]].mesh.nside : 0);

@@ -263,6 +263,23 @@ static PetscErrorCode take_inside(Mesh mesh, const Figure *f, const AlignResult 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* In space, where it is needed */
+static PetscErrorCode add_layer(SolidMesh *m)
+{
+  const PetscReal h = m->h;
+  PetscInt        nnode, ncell, *cell_node;
+  PetscReal      *X;
+
+  PetscFunctionBeginUser;
+  PetscCall(SolidAddLayer(m, &nnode, &X, &ncell, &cell_node));
+  if (!ncell) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SolidMeshDestroy(m));
+  PetscCall(create_from(3, nnode, X, ncell, cell_node, m));
+  m->h = h;
+  PetscCall(PetscFree2(X, cell_node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
                                SolidMesh *m)
 {
@@ -285,6 +302,7 @@ PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, con
   PetscCall(MeshMoveNodes(mesh, r.nnode, r.node, r.x));
   PetscCall(take_inside(mesh, &f, &r, m));
   m->h = h;
+  if (dim == 3) PetscCall(add_layer(m));
   PetscCall(AlignDestroy(&align));
   PetscCall(MeshDestroy(&mesh));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -6,6 +6,7 @@
 #include "solid/solid.h"
 #include "base/algebra.h"
 #include "fem/element.h"
+#include "fem/gauss.h"
 
 #define SOFT \
   "-particle_groups soft -particle_soft_position 1,2,3 -particle_soft_shear_modulus 2 -particle_soft_density 1.5 "
@@ -59,6 +60,61 @@ static PetscReal flux(const SolidMesh *m, const PetscReal x[])
   return sum;
 }
 
+/* No cell is flat at a corner, one face of a cell at most is on the surface */
+static void check_cells(const SolidMesh *m)
+{
+  PetscInt *faces;
+
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    PetscReal xc[81], least = PETSC_MAX_REAL, largest = 0;
+
+    SolidGather(m, c, m->X, xc);
+    for (PetscInt q = 0; q < m->nq; q++) {
+      const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
+      PetscReal       x[3], J[9], det;
+
+      ElementMap(3, xc, xi, x, J);
+      det     = DenseDeterminant(3, J);
+      least   = PetscMin(least, det);
+      largest = PetscMax(largest, det);
+    }
+    assert_true(least > 0.1 * largest);
+  }
+  OK(PetscCalloc1(m->ncell, &faces));
+  for (PetscInt c = 0; c < m->ncell; c++)
+    for (PetscInt f = 0; f < m->nside; f++)
+      for (PetscInt j = 0; j < 27; j++) faces[c] += m->cell_node[27 * c + j] == m->side[9 * f + 4];
+  for (PetscInt c = 0; c < m->ncell; c++) assert_true(faces[c] <= 1);
+  OK(PetscFree(faces));
+}
+
+/* The patch test: of a uniform deformation nothing is left at nodes that are not on the surface, and no force in all */
+static void check_inside(const SolidsState *s)
+{
+  const SolidMesh *m = &s->group[0].mesh;
+  PetscReal       *sum, all[3] = {0, 0, 0};
+  PetscBool       *outside;
+  PetscInt         inside = 0;
+
+  OK(PetscCalloc2(3 * m->nnode, &sum, m->nnode, &outside));
+  for (PetscInt e = 0; e < 9 * m->nside; e++) outside[m->side[e]] = PETSC_TRUE;
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    PetscReal xc[81], f[81];
+
+    SolidGather(m, c, s->x, xc);
+    (void)SolidCellForce(m, &s->group[0].material, c, xc, f, NULL);
+    for (PetscInt e = 0; e < 81; e++) sum[3 * m->cell_node[27 * c + e / 3] + e % 3] += f[e];
+  }
+  for (PetscInt e = 0; e < 3 * m->nnode; e++) {
+    all[e % 3] += sum[e];
+    inside += !outside[e / 3];
+    if (!outside[e / 3]) BELOW(sum[e], 1e-14);
+  }
+  for (PetscInt a = 0; a < 3; a++) BELOW(all[a], 1e-14);
+  assert_true(inside > 3);
+  OK(PetscFree2(sum, outside));
+}
+
 static void test_ball(void **state)
 {
   const PetscReal  F[9] = {1.2, 0.3, 0, -0.1, 0.9, 0.2, 0.1, 0, 1.1}, J = DenseDeterminant(3, F);
@@ -74,6 +130,7 @@ static void test_ball(void **state)
   print_message("ball: %d cells, %d nodes, %d faces, volume off by %.2e\n", (int)m->ncell, (int)m->nnode, (int)m->nside,
                 (double)(m->volume / (4 * PETSC_PI / 3 * 0.027) - 1));
   NEAR(m->volume, 4 * PETSC_PI / 3 * 0.027, 1e-3 * 0.113);
+  check_cells(m);
   for (PetscInt e = 0; e < 9 * m->nside; e++) {
     const PetscReal *X = m->X + 3 * m->side[e];
 
@@ -96,6 +153,7 @@ static void test_ball(void **state)
     NEAR(SolidCellForce(m, &s->group[0].material, c, xc, f, NULL), J, 1e-11);
     for (PetscInt e = 0; e < 9 * 27; e++) sum[e % 9] += f[3 * (e / 9) + e % 9 / 3] * xc[3 * (e / 9) + e % 3];
   }
+  check_inside(s);
   for (PetscInt e = 0; e < 9; e++) { /* the sum of f x^T is P F^T times the volume */
     PetscReal want = 0;
 
