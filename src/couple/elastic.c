@@ -429,7 +429,7 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCheck(still, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
              "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)");
-  e->rebase   = (PetscBool)(c->s->nall > 0);
+  e->rebase = (PetscBool)(c->s->nall > 0);
   PetscCheck(!e->rebase || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
              "elastic ones");

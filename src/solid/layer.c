@@ -25,7 +25,7 @@ static PetscReal find_quality(PetscInt ncell, const PetscInt cell_node[], const 
   PetscReal quality = 1;
 
   for (PetscInt c = 0; c < ncell; c++) {
-    PetscReal xc[81], least = PETSC_MAX_REAL, largest = 0;
+    PetscReal xc[81], smallest = PETSC_MAX_REAL, largest = 0;
 
     for (PetscInt e = 0; e < 81; e++) xc[e] = X[3 * cell_node[27 * c + e / 3] + e % 3];
     for (PetscInt q = 0; q < 27; q++) {
@@ -33,11 +33,11 @@ static PetscReal find_quality(PetscInt ncell, const PetscInt cell_node[], const 
       PetscReal       x[3], J[9], det;
 
       ElementMap(3, xc, xi, x, J);
-      det     = DenseDeterminant(3, J);
-      least   = PetscMin(least, det);
-      largest = PetscMax(largest, det);
+      det      = DenseDeterminant(3, J);
+      smallest = PetscMin(smallest, det);
+      largest  = PetscMax(largest, det);
     }
-    quality = PetscMin(quality, largest > 0 ? least / largest : -1);
+    quality = PetscMin(quality, largest > 0 ? smallest / largest : -1);
   }
   return quality;
 }
