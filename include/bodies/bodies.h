@@ -103,6 +103,7 @@ typedef struct {
      contact_force, _torque      [n][3]   of contact, likewise
      stopped                     [n]      rests on its lower (-1) or upper (1) stop, or on none (0)
      gap                         [n]      smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
+     lighter                     [n]      by how much less density it weighs than it has (BodiesSetLighter)
      removed                     [n]      has left the domain and takes part in nothing any more
      travels, frame, frame_next  [3]      moving frame: does the box move, its displacement now, at the end of the step
      frame_u                     [3]      its velocity in the step. x is the position in the box, x + frame that in the
@@ -116,7 +117,7 @@ typedef struct {
   PetscBool travels; \
   CONST BodyGroup *group; \
   CONST PetscInt *number, *body_group, *stopped; \
-  CONST PetscReal *scale, *density; \
+  CONST PetscReal *scale, *density, *lighter; \
   CONST PetscReal (*x)[3], (*q)[4], (*q_old)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
   CONST PetscBool *removed, *own;
@@ -269,6 +270,8 @@ PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, P
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetPrescribedVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
+/* By how much the density by which body k weighs is less than that of its mass; 0 at the start. Local. */
+PetscErrorCode BodiesSetLighter(Bodies, PetscInt k, PetscReal less);
 /* External load in the present state, springs included, plus weight minus buoyancy, (M - M_f) g: force, and torque
    about the centre (the weight has none). Error: an expression that is not finite. */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],

@@ -50,6 +50,7 @@ static PetscErrorCode create_columns(Bodies b)
     PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), PETSC_FALSE, field(s, f)));
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->scale));
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->density));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->lighter));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->body_group));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->stopped));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->removed));
@@ -81,6 +82,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
     s->body_group[k] = group;
     s->scale[k]      = p->scale;
     s->density[k]    = p->density;
+    s->lighter[k]    = 0;
     s->angle[k]      = p->angle;
     if (p->turned) PetscCall(PetscArraycpy(s->q[k], p->q, 4));
     else RotationFromAngle(p->angle, s->q[k]);

@@ -139,7 +139,15 @@ PetscErrorCode BodiesGetLoadAt(Bodies b, PetscInt k, PetscReal time, PetscReal r
   take_pose(b, k, time, &p);
   PetscCall(BodyGetExternal(b, k, &p, force, torque));
   for (PetscInt a = 0; a < s->dim; a++)
-    force[a] = force[a] + (s->density[k] - rho_f) * BodiesVolume(&b->view, k) * gravity[a];
+    force[a] = force[a] + (s->density[k] - s->lighter[k] - rho_f) * BodiesVolume(&b->view, k) * gravity[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesSetLighter(Bodies b, PetscInt k, PetscReal less)
+{
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  b->state.lighter[k] = less;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -53,6 +53,11 @@ static const OptSpec SPECS[] = {
    .help = "its heat capacity by volume", .when = "-particle_<group_scalar>_condition conjugate or lumped"},
   {"-particle_<group_scalar>_source", OPT_REAL, "energy/(length^dim time)", OPT_ANY, "0", .help = "source in the body",
    .when = "-particle_<group_scalar>_condition conjugate or lumped"},
+  {"-particle_<group_scalar>_expansion", OPT_REAL, "1/scalar", OPT_ANY, "0",
+   .help = "the body weighs less by this part of its density for each unit above the reference; mass and size stay",
+   .when = "-particle_<group_scalar>_condition conjugate, value or lumped", .also = "beta, thermal_expansion"},
+  {"-particle_<group_scalar>_reference", OPT_REAL, "scalar", OPT_ANY, "the scalar's",
+   .help = "value at which it weighs what its density says", .when = "-particle_<group_scalar>_expansion"},
   {"-particle_<group_scalar>_initial", OPT_REAL, "scalar", OPT_ANY, "the scalar's", .help = "its value at the start",
    .when = "-particle_<group_scalar>_condition conjugate or lumped"},
 };

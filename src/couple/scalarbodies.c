@@ -10,6 +10,7 @@
 #include "scalarsides.h"
 #include "scalarshift.h"
 #include "scalarstart.h"
+#include "scalarweight.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
 #define SMOOTH  1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
@@ -27,10 +28,11 @@ struct _p_ScalarBodies {
   ScalarCarry     carry;   /* made with the first step on a mesh */
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
-  BodyLumps  lumps;        /* NULL: no body has one value */
-  PetscReal *fluid;        /* [ncell_all] NULL: all is */
-  PetscReal *outside;      /* [cover.ndistance] part of a sub-cell outside */
-  PetscReal *shift;        /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  ScalarWeight weight;
+  BodyLumps    lumps;   /* NULL: no body has one value */
+  PetscReal   *fluid;   /* [ncell_all] NULL: all is */
+  PetscReal   *outside; /* [cover.ndistance] part of a sub-cell outside */
+  PetscReal   *shift;   /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample, *counts;                  /* [ncell_all] */
@@ -89,6 +91,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
     }
   }
   PetscCall(BodyLumpsCreate(c, s->n, s->material, &s->lumps));
+  PetscCall(ScalarWeightCreate(c, s->n, s->material, &s->weight));
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -127,6 +130,7 @@ PetscErrorCode ScalarBodiesDestroy(Couple c, ScalarBodies *bodies)
   PetscCall(ScalarCoverDestroy(&s->cover));
   PetscCall(ScalarHeatDestroy(c, &s->heat));
   PetscCall(BodyLumpsDestroy(c, &s->lumps));
+  PetscCall(ScalarWeightDestroy(c, &s->weight));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->room));
   for (PetscInt i = 0; i < s->n * c->s->ngroups; i++) PetscCall(ScalarMaterialForget(s->material + i));
   PetscCall(PetscFree(s->material));
@@ -439,9 +443,10 @@ PetscErrorCode ScalarBodiesUpdate(ScalarBodies s, Couple c, Scalars scalars)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars)
+PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars, PetscReal extrapolation)
 {
   PetscFunctionBeginUser;
+  if (s) PetscCall(ScalarWeightBegin(&s->weight, c, extrapolation));
   if (s && s->carries && !s->carry) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -564,9 +569,10 @@ PetscErrorCode ScalarBodiesConvect(ScalarBodies s, PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c)
+PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c, Scalars scalars)
 {
   PetscFunctionBeginUser;
+  if (s) PetscCall(ScalarWeightAccept(&s->weight, c, scalars));
   if (s && s->moves) ScalarHeatAccept(&s->heat, c);
   if (s && s->carry) PetscCall(ScalarCarryAccept(s->carry));
   if (s) PetscCall(BodyLumpsAccept(s->lumps, c));
@@ -576,9 +582,10 @@ PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c)
 PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, Scalars scalars, State state)
 {
   PetscFunctionBeginUser;
-  PetscCall(ScalarBodiesBegin(s, c, scalars));
+  if (s && s->carries && !s->carry) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
   if (s && s->moves) PetscCall(ScalarHeatVisit(&s->heat, c, state));
   if (s && s->carry) PetscCall(ScalarCarryVisit(s->carry, state));
   if (s) PetscCall(BodyLumpsVisit(s->lumps, c, state));
+  if (s) PetscCall(ScalarWeightVisit(&s->weight, c, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

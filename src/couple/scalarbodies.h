@@ -25,8 +25,8 @@ typedef struct _p_ScalarBodies *ScalarBodies;
 /* Reads the options of all groups. NULL without bodies. Collective. */
 PetscErrorCode ScalarBodiesCreate(Couple, Scalars, ScalarBodies *);
 PetscErrorCode ScalarBodiesDestroy(Couple, ScalarBodies *);
-/* A step begins, bodies have not moved yet. Collective. */
-PetscErrorCode ScalarBodiesBegin(ScalarBodies, Couple, Scalars);
+/* A step begins that extrapolates by so much, bodies have not moved yet: their weight. Collective. */
+PetscErrorCode ScalarBodiesBegin(ScalarBodies, Couple, Scalars, PetscReal extrapolation);
 /* Bodies are where the step has them: tells the scalars cells and nodes. Collective. */
 PetscErrorCode ScalarBodiesUpdate(ScalarBodies, Couple, Scalars);
 /* The scalars begin with the values of the bodies inside. Collective. */
@@ -43,8 +43,8 @@ PetscErrorCode ScalarBodiesGiveBack(ScalarBodies, Couple, Scalars, PetscInt i);
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies, Couple, Scalars, PetscReal covered[]);
 /* w [nnode_all][dim] less the velocity of nodes that go along with bodies (scalarcarry.h). Local. */
 PetscErrorCode ScalarBodiesConvect(ScalarBodies, PetscReal w[]);
-/* The step is taken. Local. */
-PetscErrorCode ScalarBodiesAccept(ScalarBodies, Couple);
+/* The step is taken; before ScalarsAccept. Collective. */
+PetscErrorCode ScalarBodiesAccept(ScalarBodies, Couple, Scalars);
 PetscErrorCode ScalarBodiesVisit(ScalarBodies, Couple, Scalars, State);
 /* open [ngroups]: is a group another material than the fluid for scalar i, or does it start with a value of its own? */
 void ScalarBodiesGetOpen(ScalarBodies, Couple, const ScalarParameters *, PetscInt i, PetscBool open[]);

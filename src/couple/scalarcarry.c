@@ -455,14 +455,14 @@ PetscErrorCode ScalarCarryVisit(ScalarCarry s, State state)
   PetscBool has;
 
   PetscFunctionBeginUser;
-  PetscCall(StateHas(state, "scalar_motion", &has));
+  PetscCall(StateHas(state, "carry_motion", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateNodes(state, "scalar_motion", s->c->loc->dim, s->P2));
+  PetscCall(StateNodes(state, "carry_motion", s->c->loc->dim, s->P2));
   for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
     PetscReal book[4] = {s->books[i].have, s->books[i].content, s->books[i].content_old, s->books[i].owed};
     char      name[64];
 
-    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_books_%d", (int)i));
+    PetscCall(PetscSNPrintf(name, sizeof(name), "carry_books_%d", (int)i));
     PetscCall(StateReals(state, name, 4, book));
     s->books[i].have        = book[0];
     s->books[i].content     = book[1];

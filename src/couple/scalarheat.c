@@ -154,10 +154,10 @@ PetscErrorCode ScalarHeatVisit(ScalarHeat *h, Couple c, State state)
   BodyRows  rows;
 
   PetscFunctionBeginUser;
-  PetscCall(StateHas(state, "scalar_heat", &has));
+  PetscCall(StateHas(state, "body_heat", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: the books begin anew */
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "scalar_heat", NUMBERS * h->n, (PetscReal *)h->last));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "body_heat", NUMBERS * h->n, (PetscReal *)h->last));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

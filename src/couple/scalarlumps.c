@@ -126,10 +126,10 @@ PetscErrorCode BodyLumpsVisit(BodyLumps s, Couple c, State state)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   start(s, c);
-  PetscCall(StateHas(state, "scalar_lumps", &has));
+  PetscCall(StateHas(state, "body_lumps", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: they begin anew */
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "scalar_lumps", NUMBERS * s->n, s->value));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "body_lumps", NUMBERS * s->n, s->value));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

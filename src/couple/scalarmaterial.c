@@ -95,6 +95,30 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What its weight goes by */
+static PetscErrorCode read_expansion(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  m->reference = par->reference;
+  PetscCall(OptReal(name_option(g, par->name, "expansion", name), &m->expansion));
+  if (m->expansion == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!ScalarMaterialIsSurface(m), c->comm, PETSC_ERR_USER_INPUT,
+             "%s %g: group '%s' is in %s, nothing is known of the scalar inside: give it -particle_%s_%s_condition value, lumped or "
+             "conjugate, or leave the expansion out",
+             name, (double)m->expansion, g->name, m->condition == SCALAR_BODY_FLUX ? "flux" : "exchange", g->name,
+             par->name);
+  PetscCheck(m->starts, c->comm, PETSC_ERR_USER_INPUT,
+             "%s %g: the weight of group '%s' goes by its own value from the start: give -particle_%s_%s_initial", name,
+             (double)m->expansion, g->name, g->name, par->name);
+  PetscCheck(c->par->gravity[0] != 0 || c->par->gravity[1] != 0 || c->par->gravity[2] != 0, c->comm,
+             PETSC_ERR_USER_INPUT, "%s %g changes a weight and needs gravity: give -flow_gravity", name,
+             (double)m->expansion);
+  PetscCall(OptReal(name_option(g, par->name, "reference", name), &m->reference));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
 {
   char      name[OPT_NAME];
@@ -131,6 +155,7 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   }
   if (m->condition == SCALAR_BODY_TRANSFER)
     PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
+  PetscCall(read_expansion(c, g, par, m));
   PetscCall(refuse(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -16,8 +16,9 @@ enum {
 typedef struct {
   PetscInt  condition;
   PetscReal value, flux, transfer, conductivity, capacity, source, initial;
-  PetscBool starts;  /* with a value of its own */
-  Expr      flux_of; /* of place and time, NULL: the number */
+  PetscReal expansion, reference; /* its weight: scalarweight.h */
+  PetscBool starts;               /* with a value of its own */
+  Expr      flux_of;              /* of place and time, NULL: the number */
 } ScalarMaterial;
 
 /* *m zero before. Collective. */

@@ -78,7 +78,7 @@ static PetscErrorCode begin_step(Couple c, void *data)
   if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
   if (s->viscosity_of) PetscCall(set_viscosity(c, s, step.extrapolation));
   PetscCall(ScalarsBeginStep(s->scalars, &step));
-  PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars));
+  PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars, step.extrapolation));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -218,7 +218,7 @@ static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
 static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(ScalarBodiesAccept(((CoupleScalars)data)->bodies, c));
+  PetscCall(ScalarBodiesAccept(((CoupleScalars)data)->bodies, c, ((CoupleScalars)data)->scalars));
   PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

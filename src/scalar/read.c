@@ -193,6 +193,31 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Names go into options and expressions: letters, digits and _, and no word of these */
+static PetscErrorCode check_name(Scalars all, const char name[])
+{
+  static const char *const WORDS[] = {"x",    "y",    "z",     "t",    "u",     "v",     "w",     "pi",
+                                      "e",    "sin",  "cos",   "tan",  "asin",  "acos",  "atan",  "sinh",
+                                      "cosh", "tanh", "exp",   "ln",   "asinh", "acosh", "atanh", "atan2",
+                                      "log",  "log2", "log10", "sqrt", "abs",   "sign",  "rint",  "min",
+                                      "max",  "sum",  "avg",   "_pi",  "_e"};
+  PetscBool                valid   = (PetscBool) !(name[0] >= '0' && name[0] <= '9');
+
+  PetscFunctionBeginUser;
+  for (const char *c = name; *c; c++)
+    valid = (PetscBool)(valid && ((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9') ||
+                                  *c == '_'));
+  PetscCheck(valid && name[0], all->comm, PETSC_ERR_USER_INPUT,
+             "Option -scalars names '%s': a name has letters, digits and _ alone and begins with no digit, as expressions know it: "
+             "call it otherwise",
+             name);
+  for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(WORDS); k++)
+    PetscCheck(strcmp(name, WORDS[k]), all->comm, PETSC_ERR_USER_INPUT,
+               "Option -scalars names '%s', a word of expressions with another meaning: call the scalar otherwise",
+               name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsRead(Scalars all)
 {
   PetscInt    n = MAX_SCALARS;
@@ -210,6 +235,7 @@ PetscErrorCode ScalarsRead(Scalars all)
 
     PetscCall(PetscStrncpy(s->name, list[i], sizeof(s->name)));
     PetscCall(PetscFree(list[i]));
+    PetscCall(check_name(all, s->name));
     for (PetscInt k = 0; k < i; k++)
       PetscCheck(strcmp(all->scalar[k].name, s->name), all->comm, PETSC_ERR_USER_INPUT,
                  "Option -scalars names '%s' twice: give each scalar a name of its own", s->name);

@@ -8,6 +8,7 @@
 #include "base/opt.h"
 
 #define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
+#define CANCEL    1e-3  /* of their sizes: what sources and fluxes of a steady scalar may miss to cancel */
 #define PASSES    6     /* solutions at most, until limits hold, */
 #define STEADY    30    /* and of a steady state */
 #define LOOSE     1e-7  /* no residual beyond this either */
@@ -94,8 +95,47 @@ static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *si
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A steady scalar of which nothing says how large it is needs sources and fluxes that cancel, unless a flow w takes the
+   difference through a boundary. */
+static PetscErrorCode check_sources(Scalars all, const Scalar *s, const PetscReal w[])
+{
+  const MeshLocal *l      = all->loc;
+  PetscReal        sum[3] = {0, 0, 0}; /* of sources, of their sizes, of speeds at boundaries */
+  ScalarCell       cell;
+
+  PetscFunctionBeginUser;
+  if (s->par.periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    if (!ScalarCellIsActive(s, c)) continue;
+    PetscCall(ScalarCellSet(all, s, c, &cell));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      sum[0] += cell.f[j];
+      sum[1] += PetscAbsReal(cell.f[j]);
+    }
+  }
+  for (PetscInt k = 0; s->lumps && k < s->lumps->n; k++) {
+    if (!s->lumps->is[k] || !s->lumps->own[k]) continue;
+    sum[0] += s->lumps->source[k];
+    sum[1] += PetscAbsReal(s->lumps->source[k]);
+  }
+  for (PetscInt b = 0; b < all->nboundary && w; b++) {
+    const PetscInt *node;
+    PetscInt        n;
+
+    PetscCall(MeshGetBoundaryNodes(all->mesh, b, &n, &node));
+    for (PetscInt i = 0; i < n * l->dim; i++) sum[2] += PetscAbsReal(w[node[i / l->dim] * l->dim + i % l->dim]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
+  PetscCheck(sum[2] > 0 || PetscAbsReal(sum[0]) <= CANCEL * sum[1], all->comm, PETSC_ERR_USER_INPUT,
+             "Scalar '%s' has no steady state: its sources and fluxes add up to %g a time, and nothing takes that up: give a "
+             "boundary a value or a transfer coefficient (-scalar_%s_bc_<boundary>_value, _transfer), make them cancel, or "
+             "leave out -sim_steady",
+             s->name, (double)sum[0], s->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Where nothing says how large a steady scalar is, one node keeps its value: the rest of the rows add up to its own. */
-static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
+static PetscErrorCode fix_one_node(Scalars all, Scalar *s, const PetscReal w[])
 {
   const MeshLocal *l   = all->loc;
   PetscInt         any = s->decay > 0;
@@ -112,6 +152,7 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
     for (PetscInt q = 0; p && p->lump < 0 && q < PetscPowInt(p->n, l->dim); q++) any += p->reaction[q] > 0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, all->comm));
+  if (!any) PetscCall(check_sources(all, s, w));
   PetscCallMPI(MPI_Comm_rank(all->comm, &rank));
   for (PetscInt i = 0; i < l->nnode && !any && rank == 0; i++) {
     if (!ScalarCellIsActive(s, l->node_cell[l->node_cell_ptr[i]])) continue;
@@ -285,7 +326,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsSetConditions(all, s));
-  PetscCall(fix_one_node(all, s));
+  PetscCall(fix_one_node(all, s, w));
   PetscCall(ScalarsPredict(all, i, w));
   for (PetscInt k = 0; k < all->loc->nnode_all; k++)
     if (s->owner[k] >= 0) s->x[k] = s->fixed[k];

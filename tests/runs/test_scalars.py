@@ -305,6 +305,8 @@ def test_a_restart_goes_on_with_the_same_bits(run, tmp_path):
     (["-sim_steady"], "-sim_steady solves for the flow alone"),
     (["-scalar_heat_conductivty", "1"], "did you mean -scalar_heat_conductivity"),
     (["-scalars", "heat,salt", "-scalar_heat_reaction", "0,1", "-sim_steady"], "name it earlier in -scalars"),
+    (["-scalars", "pi"], "a word of expressions with another meaning"),
+    (["-scalars", "my-heat"], "letters, digits and _ alone"),
 ])
 def test_mistakes_are_refused_with_one_message(run, tmp_path, options, said):
     result = run([ROOT / "runs/heated-cavity.yaml", "-output_dir", tmp_path / "out", *options])
@@ -407,3 +409,57 @@ def test_the_viscosity_goes_by_heat(run, scene, tmp_path):
 def test_a_wrong_viscosity_is_refused(run, scene, tmp_path, text, said):
     result = run([scene(VISCOUS.replace('"exp(-heat)"', text)), "-output_dir", tmp_path / "out"])
     assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+AFLOAT = """
+mesh: {cells: [8, 8], upper: [2, 2]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -10]}
+scalars: heat
+scalar: {heat: {conductivity: 0.05, initial: 2, reference: 1, bc_left_value: 2}}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.4, density: 1.25, position: [1, 1], heat: {CONDITION, expansion: 0.2}}
+couple: {method: METHOD}
+sim: {dt: 0.02, steps: 3}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method", ["penalty", "aligned"])
+@pytest.mark.parametrize("condition", ["condition: value, value: 2", "condition: lumped, initial: 2, capacity: 2", "initial: 2, capacity: 2"])
+def test_a_body_that_expands_to_the_density_of_the_fluid_floats(run, scene, tmp_path, condition, method):
+    """Density 1.25 less a fifth of it is that of the fluid: it stays where it is; colder by .5 it sinks, warmer it rises."""
+    text = AFLOAT.replace("CONDITION", condition).replace("METHOD", method)
+
+    def read_speed(out, *options):
+        assert run([scene(text), "-output_dir", tmp_path / out, *options]).status == 0
+        with open(tmp_path / out / "bodies.csv") as file:
+            return float(list(csv.DictReader(file))[-1]["v"])
+
+    assert abs(read_speed("still")) < 1e-12
+    if method == "penalty":
+        assert read_speed("sinks", "-particle_disc_heat_reference", "1.5") < -1e-3
+        assert read_speed("rises", "-particle_disc_heat_reference", "0.5") > 1e-3
+
+
+def test_what_expands_without_a_value_is_refused(run, scene, tmp_path):
+    for condition, said in (("condition: flux, flux: 1", "is in flux, nothing is known of the scalar inside"),
+                            ("capacity: 2", "give -particle_disc_heat_initial")):
+        result = run([scene(AFLOAT.replace("CONDITION", condition).replace("METHOD", "penalty")), "-output_dir", tmp_path / "out"])
+        assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+def test_steady_sources_that_do_not_cancel_are_refused(run, scene, tmp_path):
+    text = "mesh: {cells: [4, 4]}\nscalars: heat\nscalar: {heat: {bc_left_flux: 1}}\nsim: {steady: true}\n"
+    result = run([scene(text), "-output_dir", tmp_path / "out"])
+    assert result.status and "its sources and fluxes add up to 1. a time" in result.err and result.err.count("error:") == 1
+    assert run([scene(text), "-scalar_heat_bc_right_flux", "-1", "-output_dir", tmp_path / "cancels"]).status == 0
+
+
+def test_a_restart_of_a_body_that_weighs_by_heat_has_the_same_bits(run, scene, tmp_path):
+    """A scalar called heat beside the books of bodies, which stood under the same name in a checkpoint"""
+    text = AFLOAT.replace("CONDITION", "initial: 3, capacity: 2, conductivity: 0.5").replace("METHOD", "penalty").replace("steps: 3", "steps: 6")
+    assert run([scene(text), "-checkpoint_every", "3", "-output_dir", tmp_path / "all"]).status == 0
+    assert run([scene(text), "-sim_restart", tmp_path / "all" / "checkpoint_3.h5", "-output_dir", tmp_path / "on"]).status == 0
+    ends = [(tmp_path / out / "bodies.csv").read_text().splitlines()[-1] for out in ("all", "on")]
+    assert ends[0] == ends[1]
