@@ -16,9 +16,9 @@ extern "C" {
 
 typedef struct _n_DeviceKernels DeviceKernels;
 
-/* Bytes that have gone there and back */
+/* Bytes that have gone there and back; that are taken now, and at most so far (of the processor's memory alone) */
 typedef struct {
-  double up, down;
+  double up, down, held, most;
 } DeviceTraffic;
 
 typedef struct {

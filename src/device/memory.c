@@ -57,17 +57,38 @@ const char *NAME(explain)(int error)
   return cudaGetErrorString((cudaError_t)error);
 }
 #else
+/* How much was taken stands before it */
+  #define HEADER 64
+
+static void count_held(const DeviceQueue *queue, double bytes)
+{
+  DeviceTraffic *t = queue->traffic;
+
+  if (!t) return;
+  t->held += bytes;
+  if (t->held > t->most) t->most = t->held;
+}
+
 int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
 {
-  (void)queue;
-  *p = malloc(bytes ? bytes : 1);
-  return *p == NULL;
+  char *all = malloc(bytes + HEADER);
+
+  *p = NULL;
+  if (!all) return 1;
+  memcpy(all, &bytes, sizeof(bytes));
+  *p = all + HEADER;
+  count_held(queue, (double)bytes);
+  return 0;
 }
 
 int NAME(release)(const DeviceQueue *queue, void *p)
 {
-  (void)queue;
-  free(p);
+  size_t bytes = 0;
+
+  if (!p) return 0;
+  memcpy(&bytes, (char *)p - HEADER, sizeof(bytes));
+  count_held(queue, -(double)bytes);
+  free((char *)p - HEADER);
   return 0;
 }
 

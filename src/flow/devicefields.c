@@ -276,8 +276,17 @@ PetscErrorCode OnDeviceAccept(Flow f)
   d->p_new = p;
   d->here  = PETSC_FALSE;
   d->there = PETSC_TRUE;
-  PetscCall(PetscInfo(NULL, "device: %.0f bytes there, %.0f back in this step\n", o->traffic.up - o->before.up,
-                      o->traffic.down - o->before.down));
+  PetscCall(OnDeviceReport(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceReport(Flow f)
+{
+  OnDevice o = f->device;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscInfo(NULL, "device: %.0f bytes there, %.0f back in this step; at most %.0f held beside vectors\n",
+                      o->traffic.up - o->before.up, o->traffic.down - o->before.down, o->traffic.most));
   o->before = o->traffic;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -43,6 +43,8 @@ PetscBool      OnDeviceHelps(Flow);
 PetscErrorCode OnDeviceTakeRhs(Flow, PetscReal r[]);
 PetscErrorCode OnDeviceSendSolution(Flow, const PetscReal u[]);
 PetscErrorCode OnDeviceAccept(Flow);
+/* With -info: bytes of the step that ends */
+PetscErrorCode OnDeviceReport(Flow);
 /* The solution of the step to arrays of the host */
 PetscErrorCode OnDeviceTakeLast(Flow, PetscReal u[], PetscReal p[]);
 

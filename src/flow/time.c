@@ -229,6 +229,7 @@ static PetscErrorCode move_fields(Flow f, const PetscReal u[], const PetscReal p
     PetscCall(PetscArraycpy(f->u, u, nu));
     PetscCall(PetscArraycpy(f->p, p, np));
   }
+  if (f->device) PetscCall(OnDeviceReport(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
