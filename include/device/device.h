@@ -18,7 +18,7 @@ typedef struct _n_DeviceKernels DeviceKernels;
 
 /* Bytes that have gone there and back; that are taken now, and at most so far (of the processor's memory alone) */
 typedef struct {
-  double up, down, held, most;
+  double up, down, taken, most;
 } DeviceTraffic;
 
 typedef struct {

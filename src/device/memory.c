@@ -60,13 +60,13 @@ const char *NAME(explain)(int error)
 /* How much was taken stands before it */
   #define HEADER 64
 
-static void count_held(const DeviceQueue *queue, double bytes)
+static void count_taken(const DeviceQueue *queue, double bytes)
 {
   DeviceTraffic *t = queue->traffic;
 
   if (!t) return;
-  t->held += bytes;
-  if (t->held > t->most) t->most = t->held;
+  t->taken += bytes;
+  if (t->taken > t->most) t->most = t->taken;
 }
 
 int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
@@ -77,7 +77,7 @@ int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
   if (!all) return 1;
   memcpy(all, &bytes, sizeof(bytes));
   *p = all + HEADER;
-  count_held(queue, (double)bytes);
+  count_taken(queue, (double)bytes);
   return 0;
 }
 
@@ -87,7 +87,7 @@ int NAME(release)(const DeviceQueue *queue, void *p)
 
   if (!p) return 0;
   memcpy(&bytes, (char *)p - HEADER, sizeof(bytes));
-  count_held(queue, -(double)bytes);
+  count_taken(queue, -(double)bytes);
   free((char *)p - HEADER);
   return 0;
 }
