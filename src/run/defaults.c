@@ -30,8 +30,9 @@ enum {
   SPINS    = 4096,  /* a body that is free to turn and stays where it is */
   NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset, or a body that swings too thin */
   BODIES   = 32768,
-  SWIMS    = 65536, /* a body whose surface moves in its own frame (bodies/slip.h) */
-  ADRIFT   = 131072 /* nothing holds the fluid: periodic along all axes, nobody pulls, no -flow_rate */
+  SWIMS    = 65536,  /* a body whose surface moves in its own frame (bodies/slip.h) */
+  ADRIFT   = 131072, /* nothing holds the fluid: periodic along all axes, nobody pulls, no -flow_rate */
+  DROPS    = 262144
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -112,6 +113,9 @@ static const struct {
      radii, while it swims one */
   {NULL, NULL, UNSTEADY | SWIMS | ASKED | ADRIFT | PLANE, "-flow_rate", "0,0"},
   {NULL, NULL, UNSTEADY | SWIMS | ASKED | ADRIFT | SPATIAL, "-flow_rate", "0,0,0"},
+  /* viscosities by cell, on cells of which some are nearly flat */
+  {NULL, NULL, SPATIAL | DROPS, "-flow_velocity_operator", "assembled"},
+  {NULL, NULL, SPATIAL | DROPS, "-flow_velocity_smoother", "ilu"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */
   {"-flow_solver", "fast", UNSTEADY | EMPTY, "-sim_check_momentum", "0.3"},
   /* the added mass, one step late, counts 3/2 times in bdf2: stable for added mass / body mass < 1 with be, about 1/2
@@ -359,7 +363,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char refusal[], size_t len)
+PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool drops, PetscBool steady, char refusal[], size_t len)
 {
   const MeshLocal *l;
   LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
@@ -377,6 +381,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_situation(l, bodies, steady, &situation));
   if (bodies && !(situation & EMPTY)) PetscCall(find_scene(mesh, bodies, steady, preset, &situation, &scene));
+  if (drops) situation |= DROPS;
   if (given) situation |= ASKED;
   if (commanded) PetscCall(take_from_scene(situation, &replaced));
   refusal[0] = 0;

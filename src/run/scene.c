@@ -224,17 +224,6 @@ static PetscErrorCode create_trial(SimComponents *sim, const MeshLocal *l)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* In space viscosities by cell, on cells of which some are nearly flat */
-static PetscErrorCode create_drops(SimComponents *sim, PetscInt dim)
-{
-  PetscFunctionBeginUser;
-  PetscCall(DropsCreate(sim->comm, dim, &sim->drops));
-  if (!sim->drops || dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptDefault("-flow_velocity_operator", "assembled"));
-  PetscCall(OptDefault("-flow_velocity_smoother", "ilu"));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* refusal [len]: as DefaultsApply has it; NULL: for a trial, of options that have their defaults already */
 static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
 {
@@ -253,8 +242,9 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(sim, steady, &l));
   PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, l->lower, l->upper, &sim->solids));
-  PetscCall(create_drops(sim, l->dim));
-  if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
+  PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
+  if (active && refusal)
+    PetscCall(DefaultsApply(sim->mesh, sim->bodies, (PetscBool) !!sim->drops, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {
