@@ -56,10 +56,13 @@ typedef struct {
 } ScalarLumpCell;
 
 /* Stabilisation (limit.c) of the last solve: parts of cells that are of low order [ncell_all], NULL: none is; of fluxes
-   that raise and lower a node the part that is left [nnode_all][2]; values that these go by [nnode_all] */
+   that raise and lower a node the part that is left [nnode_all][2]; values that these go by [nnode_all]. Of the step:
+   by how much cells are beyond the bound, 0 to 1 [ncell_all], NULL: not known; whether one is, on any rank; cells that
+   share a node with one [nnear] */
 typedef struct {
-  PetscBool  wanted;
-  PetscReal *part, *node, *x;
+  PetscBool  wanted, any;
+  PetscReal *part, *node, *x, *peclet;
+  PetscInt   nnear, *near;
 } ScalarLimits;
 
 typedef struct {

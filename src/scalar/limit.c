@@ -32,54 +32,71 @@ enum {
   NUMBERS = SLOPE + 3
 };
 
+/* Of lattice points along the axes */
+static const PetscInt STEP[] = {1, 3, 9};
+
 /* Convecting over conducting in cell c with velocities w [nb][dim] at its lattice points: |w|^2/(|J^-1 w| D), which is
-   |w| h/(2 D) with h its length along w */
+   |w| h/(2 D) with h its length along w; 0 where the fastest |w| |J|/D, which is no less, is below the bound */
 static PetscReal find_peclet(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const PetscReal w[])
 {
-  const PetscInt  dim = all->loc->dim, nb = all->loc->nb;
+  const PetscInt  dim = all->loc->dim, nb = all->loc->nb, middle = nb / 2;
   const PetscReal capacity     = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
-                  conductivity = s->cells.conductivity ? s->cells.conductivity[c] : s->par.conductivity;
-  PetscReal xi[3] = {0, 0, 0}, x[3], J[9], inverse[9], largest = 0;
+                  conductivity = s->cells.conductivity ? s->cells.conductivity[c] : s->par.conductivity,
+                  ratio        = capacity / PetscMax(conductivity, PETSC_MIN_REAL);
+  PetscReal speed[MESH_MAX_NB], J[9], inverse[9], size = 0, fastest = 0, largest = 0;
 
-  ElementMap(dim, xc, xi, x, J);
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt e = 0; e < dim; e++) {
+      J[a * dim + e] = 0.5 * (xc[(middle + STEP[e]) * dim + a] - xc[(middle - STEP[e]) * dim + a]);
+      size += PetscSqr(J[a * dim + e]);
+    }
+  for (PetscInt j = 0; j < nb; j++) {
+    speed[j] = 0;
+    for (PetscInt e = 0; e < dim; e++) speed[j] += PetscSqr(w[j * dim + e]);
+    fastest = PetscMax(fastest, speed[j]);
+  }
+  if (ratio * PetscSqrtReal(fastest * size) < PECLET) return 0;
   (void)DenseInvertMap(dim, J, inverse);
   for (PetscInt j = 0; j < nb; j++) {
-    PetscReal speed = 0, along = 0;
+    PetscReal along = 0;
 
     for (PetscInt e = 0; e < dim; e++) {
       PetscReal a = 0;
 
       for (PetscInt k = 0; k < dim; k++) a += inverse[e * dim + k] * w[j * dim + k];
       along += a * a;
-      speed += PetscSqr(w[j * dim + e]);
     }
-    if (along > 0) largest = PetscMax(largest, speed / PetscSqrtReal(along));
+    if (along > 0) largest = PetscMax(largest, speed[j] / PetscSqrtReal(along));
   }
-  return largest * capacity / PetscMax(conductivity, PETSC_MIN_REAL);
+  return largest * ratio;
 }
 
 /* Derivatives of v [nb] along the axes of the cell at its lattice points: dv [dim][nb] */
 static void differentiate(PetscInt dim, PetscInt nb, PetscInt stride, const PetscReal v[], PetscReal dv[])
 {
-  static const PetscReal D[3][3]  = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
-  static const PetscInt  POWER3[] = {1, 3, 9};
-
   for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt j = 0; j < nb; j++) {
-      const PetscInt at = j / POWER3[a] % 3, first = j - at * POWER3[a];
+    for (PetscInt first = 0; first < nb; first += 3 * STEP[a])
+      for (PetscInt i = first; i < first + STEP[a]; i++) {
+        const PetscReal x = v[i * stride], y = v[(i + STEP[a]) * stride], z = v[(i + 2 * STEP[a]) * stride];
+        PetscReal      *d = dv + a * nb + i;
 
-      dv[a * nb + j] = 0;
-      for (PetscInt k = 0; k < 3; k++) dv[a * nb + j] += D[at][k] * v[(first + k * POWER3[a]) * stride];
-    }
+        d[0]           = -1.5 * x + 2 * y - 0.5 * z;
+        d[STEP[a]]     = 0.5 * z - 0.5 * x;
+        d[2 * STEP[a]] = 0.5 * x - 2 * y + 1.5 * z;
+      }
 }
 
-/* Gradients g [nb][3] of x in a cell at its lattice points, and its size */
+/* Gradients g [nb][3] of x in a cell at its lattice points */
 static void find_gradients(Scalars all, const Scalar *s, const PetscReal xc[], const PetscReal x[], PetscReal g[][3])
 {
   const PetscInt dim = all->loc->dim, nb = all->loc->nb;
-  PetscReal      dT[3 * MESH_MAX_NB], dx[3][3 * MESH_MAX_NB];
+  PetscReal      dT[3 * MESH_MAX_NB], dx[3][3 * MESH_MAX_NB], edge[3];
+  PetscBool      box = ScalarIsBox(all, xc, edge);
 
   differentiate(dim, nb, 1, x, dT);
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt j = 0; j < nb && box; j++) g[j][a] = s->par.gradient[a] + 2 / edge[a] * dT[a * nb + j];
+  if (box) return;
   for (PetscInt a = 0; a < dim; a++) differentiate(dim, nb, dim, xc + a, dx[a]);
   for (PetscInt j = 0; j < nb; j++) {
     PetscReal J[9], inverse[9];
@@ -101,16 +118,17 @@ static PetscBool is_plain(const Scalar *s, PetscInt c)
                      (!s->cells.conductivity || s->cells.conductivity[c] == s->par.conductivity));
 }
 
-/* sum [nnode_all][NUMBERS] over the cells around a node: their number, gradients and squares of these; number of those
-   that are not of the fluid */
+/* sum [nnode_all][NUMBERS] over the cells around a node of those beyond the bound: their number, gradients and squares
+   of these; number of those that are not of the fluid */
 static PetscErrorCode sum_gradients(Scalars all, const Scalar *s, PetscReal sum[])
 {
   const MeshLocal *l = all->loc;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(sum, l->nnode_all * NUMBERS));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal xc[MESH_MAX_NB * 3], x[MESH_MAX_NB], g[MESH_MAX_NB][3];
+  for (PetscInt k = 0; k < s->limit.nnear; k++) {
+    const PetscInt c = s->limit.near[k];
+    PetscReal      xc[MESH_MAX_NB * 3], x[MESH_MAX_NB], g[MESH_MAX_NB][3];
 
     for (PetscInt j = 0; j < l->nb && !is_plain(s, c); j++) sum[l->cell_node[c * l->nb + j] * NUMBERS + OTHERS]++;
     if (!is_plain(s, c)) continue;
@@ -212,51 +230,57 @@ static void set_limits(Scalars all, const Scalar *s, const NodeLimits at[], Pets
   }
 }
 
-/* Bounds of nodes. Cells that have values far out of theirs are of low order as peclet [ncell_all] has them;
-   *beyond: how far values in cells with a part are out. work [nnode_all] */
-static PetscErrorCode find_bounds(Scalars all, const Scalar *s, const PetscReal peclet[], PetscReal range,
-                                  NodeLimits at[], PetscReal work[], PetscReal part[], PetscReal *beyond)
+/* Bounds of nodes of cells beyond the bound, how far these are out of them, out [nnode_all], and the farthest here */
+static PetscErrorCode find_bounds(Scalars all, const Scalar *s, NodeLimits at[], PetscReal out[], PetscReal *farthest)
 {
   const MeshLocal *l = all->loc;
 
   PetscFunctionBeginUser;
-  *beyond = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) at[i].top = at[i].bottom = all->step.ct > 0 ? s->T[i] : s->x[i];
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscInt  node[MESH_MAX_NB];
-    PetscReal x[MESH_MAX_NB], r[MESH_MAX_NB];
+  for (PetscInt k = 0; k < s->limit.nnear; k++) {
+    const PetscInt c = s->limit.near[k];
+    PetscInt       node[MESH_MAX_NB];
+    PetscReal      x[MESH_MAX_NB];
 
     if (!ScalarCellIsActive(s, c)) continue;
-    ScalarLimitValues(all, s, c, s->x, node, x, r);
+    ScalarCellGather(l, c, 1, s->x, x);
+    for (PetscInt j = 0; j < l->nb; j++) node[j] = ScalarLimitNode(l, c, j);
     add_bounds(all, s, node, x, at);
   }
   for (PetscInt i = 0; i < l->nnode; i++)
-    work[i] = s->owner[i] < 0 ? PetscMax(0, PetscMax(s->x[i] - at[i].top, at[i].bottom - s->x[i])) : 0;
-  PetscCall(MeshSyncNodes(all->mesh, 1, work));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal out = 0;
-
-    for (PetscInt j = 0; j < l->nb && peclet[c] > 0; j++) out = PetscMax(out, work[l->cell_node[c * l->nb + j]]);
-    if (part[c] > 0) *beyond = PetscMax(*beyond, out);
-    if (out <= FAR * range) continue;
-    *beyond = PetscMax(*beyond, out);
-    part[c] = peclet[c];
-    for (PetscInt j = 0; j < l->nb; j++) at[l->cell_node[c * l->nb + j]].low = PETSC_TRUE;
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, beyond, 1, MPIU_REAL, MPIU_MAX, all->comm));
+    out[i] = s->owner[i] < 0 ? PetscMax(0, PetscMax(s->x[i] - at[i].top, at[i].bottom - s->x[i])) : 0;
+  PetscCall(MeshSyncNodes(all->mesh, 1, out));
+  *farthest = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    for (PetscInt j = 0; j < l->nb && s->limit.peclet[c] > 0; j++)
+      *farthest = PetscMax(*farthest, out[l->cell_node[c * l->nb + j]]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Cells that have values far out of their bounds are of low order altogether; *beyond: how far values in cells with a
+   part are out */
+static void set_low(const MeshLocal *l, const PetscReal peclet[], const PetscReal out[], PetscReal range,
+                    NodeLimits at[], PetscReal part[], PetscReal *beyond)
+{
+  *beyond = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal far = 0;
+
+    for (PetscInt j = 0; j < l->nb && peclet[c] > 0; j++) far = PetscMax(far, out[l->cell_node[c * l->nb + j]]);
+    if (part[c] > 0) *beyond = PetscMax(*beyond, far);
+    if (far <= FAR * range) continue;
+    *beyond = PetscMax(*beyond, far);
+    part[c] = peclet[c];
+    for (PetscInt j = 0; j < l->nb; j++) at[l->cell_node[c * l->nb + j]].low = PETSC_TRUE;
+  }
+}
+
 /* Of limits with parts of cells: those of nodes */
-static PetscErrorCode find_limits(Scalars all, const Scalar *s, const PetscReal peclet[], PetscReal range,
-                                  ScalarLimits *limit, PetscReal *beyond)
+static PetscErrorCode find_limits(Scalars all, const Scalar *s, NodeLimits at[], ScalarLimits *limit)
 {
   const MeshLocal *l = all->loc;
-  NodeLimits      *at;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(l->nnode_all, &at));
-  PetscCall(find_bounds(all, s, peclet, range, at, limit->node, limit->part, beyond));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscInt  node[MESH_MAX_NB];
     PetscReal x[MESH_MAX_NB], r[MESH_MAX_NB];
@@ -267,42 +291,70 @@ static PetscErrorCode find_limits(Scalars all, const Scalar *s, const PetscReal 
   }
   set_limits(all, s, at, limit->node);
   PetscCall(MeshSyncNodes(all->mesh, 2, limit->node));
-  PetscCall(PetscFree(at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode free_limits(ScalarLimits *p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree3(p->part, p->node, p->x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarLimitForget(Scalar *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree3(s->limit.part, s->limit.node, s->limit.x));
+  PetscCall(free_limits(&s->limit));
+  PetscCall(PetscFree2(s->limit.peclet, s->limit.near));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* peclet [ncell_all]: by how much cells are beyond the bound, 0 to 1; range of the values; is a cell beyond it? */
-static PetscErrorCode find_cells(Scalars all, const Scalar *s, PetscReal peclet[], PetscReal *range, PetscBool *any)
+/* Cells beyond the bound, of these flow and mesh, and those that share a node with one */
+static PetscErrorCode find_cells(Scalars all, const Scalar *s, ScalarLimits *limit)
 {
-  const MeshLocal *l    = all->loc;
-  PetscReal        v[3] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+  const MeshLocal *l       = all->loc;
+  PetscReal        largest = 0;
+  PetscBool       *wanted;
 
   PetscFunctionBeginUser;
-  *any   = PETSC_FALSE;
-  *range = 0;
+  PetscCall(PetscCalloc2(l->ncell_all, &limit->peclet, l->ncell_all, &limit->near));
+  PetscCall(PetscCalloc1(l->nnode_all, &wanted));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xc[MESH_MAX_NB * 3], w[MESH_MAX_NB * 3];
 
     if (!is_plain(s, c)) continue;
     PetscCall(ScalarCellCoordinates(all, c, xc));
     ScalarCellGather(l, c, l->dim, s->w, w);
-    peclet[c] = PetscMin(1, PetscMax(0, find_peclet(all, s, c, xc, w) / PECLET - 1));
-    v[0]      = PetscMax(v[0], peclet[c]);
+    limit->peclet[c] = PetscMin(1, PetscMax(0, find_peclet(all, s, c, xc, w) / PECLET - 1));
+    largest          = PetscMax(largest, limit->peclet[c]);
+    for (PetscInt j = 0; j < l->nb && limit->peclet[c] > 0; j++) wanted[l->cell_node[c * l->nb + j]] = PETSC_TRUE;
   }
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    v[1] = PetscMax(v[1], s->x[i]);
-    v[2] = PetscMax(v[2], -s->x[i]);
+  limit->nnear = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    for (PetscInt j = 0; j < l->nb; j++) {
+      if (!wanted[l->cell_node[c * l->nb + j]]) continue;
+      limit->near[limit->nnear++] = c;
+      break;
+    }
+  PetscCall(PetscFree(wanted));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, all->comm));
+  limit->any = (PetscBool)(largest > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of the values; 0 if it is round-off */
+static PetscErrorCode find_range(Scalars all, const Scalar *s, PetscReal *range)
+{
+  PetscReal v[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->loc->nnode; i++) {
+    v[0] = PetscMax(v[0], s->x[i]);
+    v[1] = PetscMax(v[1], -s->x[i]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 3, MPIU_REAL, MPIU_MAX, all->comm));
-  *range = v[1] + v[2];
-  *any   = (PetscBool)(v[0] > 0 && *range > FLAT * PetscMax(PetscAbsReal(v[1]), PetscAbsReal(v[2])));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 2, MPIU_REAL, MPIU_MAX, all->comm));
+  *range = v[0] + v[1];
+  if (!(*range > FLAT * PetscMax(PetscAbsReal(v[0]), PetscAbsReal(v[1])))) *range = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -336,34 +388,57 @@ static PetscErrorCode find_change(Scalars all, const Scalar *s, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *more)
+/* Largest of all ranks */
+static PetscErrorCode find_largest(Scalars all, PetscReal *v)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 1, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Limits next to those that there are, with bounds `at` that values are `out` of */
+static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal range, const PetscReal out[],
+                            NodeLimits at[], PetscBool *more)
 {
   const MeshLocal *l    = all->loc;
-  ScalarLimits     last = s->limit, next = {.wanted = s->limit.wanted};
-  PetscReal       *peclet, range = 0, beyond = 0;
-  PetscBool        any;
+  ScalarLimits     last = s->limit, next = s->limit;
+  PetscReal        beyond;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc3(l->ncell_all, &next.part, 2 * l->nnode_all, &next.node, l->nnode_all, &next.x));
+  PetscCall(find_weights(all, s, s->limit.peclet, NOISE * range / l->h, next.part));
+  for (PetscInt c = 0; c < l->ncell_all && last.part; c++) next.part[c] = PetscMax(next.part[c], last.part[c]);
+  set_low(l, s->limit.peclet, out, range, at, next.part, &beyond);
+  PetscCall(find_limits(all, s, at, &next));
+  for (PetscInt i = 0; i < 2 * l->nnode_all && last.part; i++) next.node[i] = PetscMin(next.node[i], last.node[i]);
+  PetscCall(PetscArraycpy(next.x, s->x, l->nnode_all));
+  if (all->step.ct == 0) PetscCall(find_change(all, s, next.part, &beyond));
+  else if (again) PetscCall(find_largest(all, &beyond));
+  *more = (PetscBool)(beyond > BEYOND * range);
+  PetscCall(free_limits(again && !*more ? &next : &last));
+  if (!again || *more) s->limit = next;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *more)
+{
+  const MeshLocal *l = all->loc;
+  PetscReal       *out, range, farthest;
+  NodeLimits      *at;
 
   PetscFunctionBeginUser;
   *more = PETSC_FALSE;
   if (!again) PetscCall(ScalarLimitForget(s));
-  if (!again) last = s->limit;
   if (!again && all->step.ct == 0) PetscFunctionReturn(PETSC_SUCCESS); /* nothing is known yet */
   if (!s->limit.wanted || !s->w || s->par.periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(l->ncell_all, &peclet));
-  PetscCall(find_cells(all, s, peclet, &range, &any));
-  if (any) {
-    PetscCall(PetscCalloc3(l->ncell_all, &next.part, 2 * l->nnode_all, &next.node, l->nnode_all, &next.x));
-    PetscCall(find_weights(all, s, peclet, NOISE * range / l->h, next.part));
-    for (PetscInt c = 0; c < l->ncell_all && last.part; c++) next.part[c] = PetscMax(next.part[c], last.part[c]);
-    PetscCall(find_limits(all, s, peclet, range, &next, &beyond));
-    for (PetscInt i = 0; i < 2 * l->nnode_all && last.part; i++) next.node[i] = PetscMin(next.node[i], last.node[i]);
-    PetscCall(PetscArraycpy(next.x, s->x, l->nnode_all));
-    if (all->step.ct == 0) PetscCall(find_change(all, s, next.part, &beyond));
-    *more = (PetscBool)(beyond > BEYOND * range);
-    if (again && *more) PetscCall(ScalarLimitForget(s));
-    if (!again || *more) s->limit = next;
-    else PetscCall(PetscFree3(next.part, next.node, next.x));
-  }
-  PetscCall(PetscFree(peclet));
+  if (!s->limit.peclet) PetscCall(find_cells(all, s, &s->limit));
+  if (!s->limit.any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_range(all, s, &range));
+  if (range == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc2(l->nnode_all, &at, l->nnode_all, &out));
+  PetscCall(find_bounds(all, s, at, out, &farthest));
+  if (again) PetscCall(find_largest(all, &farthest));
+  if (!again || all->step.ct == 0 || farthest > BEYOND * range) PetscCall(renew(all, s, again, range, out, at, more));
+  PetscCall(PetscFree2(at, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
