@@ -59,7 +59,7 @@ PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal 
 
   PetscFunctionBeginUser;
   *timeerror = NULL;
-  if (!p->flow || p->steady || p->drops || p->solids || FlowStaysOnDevice(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!p->flow || p->steady || p->drops || p->solids || FlowGetQueue(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&t));
   t->p = p;
   PetscCall(MeshGetLocal(p->mesh, &t->l));
