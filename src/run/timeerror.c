@@ -52,6 +52,28 @@ static PetscErrorCode keep_promise(void *timeerror, PetscReal *dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The mesh has been made anew */
+static PetscErrorCode carry_over(void *timeerror, Mesh old)
+{
+  TimeError  t   = timeerror;
+  Mesh       now = t->p->mesh;
+  PetscReal *slow, *age;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshSyncNodes(old, t->l->dim, t->slow));
+  PetscCall(MeshSyncNodes(old, 1, t->age));
+  PetscCall(MeshGetLocal(now, &t->l));
+  PetscCall(PetscMalloc2(t->l->nnode_all * t->l->dim, &slow, t->l->nnode_all, &age));
+  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&t->slow, &slow));
+  PetscCall(MeshCarryNodes(old, now, 1, t->age, age));
+  PetscCall(PetscFree2(t->slow, t->age));
+  t->slow = slow;
+  t->age  = age;
+  for (PetscInt i = 0; i < t->l->nnode_all; i++)
+    t->age[i] = PetscMax(0, PetscMin(CALM, PetscFloorReal(t->age[i] + 1e-9)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal end, TimeError *timeerror)
 {
   TimeError t;
@@ -77,7 +99,7 @@ PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal 
                       &(Limit){LIMIT_BOUND, "promise", "what the preset promises", "-sim_dt", "",
                                "shorter from then on", t->promised, keep_promise, t},
                       &t->row));
-  PetscCall(RefineSetClient(p->refine, TimeErrorRemesh, t));
+  PetscCall(RefineSetClient(p->refine, carry_over, t));
   *timeerror = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -147,24 +169,31 @@ static PetscReal get_rate(TimeError t)
   return t->friction[1] > 0 ? t->friction[0] / t->friction[1] : 0;
 }
 
-/* A preset that was asked for: shorter steps from here on, or none */
-static PetscErrorCode keep_or_stop(TimeError t, PetscReal error, PetscReal dt, PetscReal enough)
+/* A preset that was asked for cannot keep its promise: the run stops */
+static PetscErrorCode refuse(TimeError t, const char why[])
 {
-  const FlowStep *step;
-  PetscReal       left;
+  char refusal[400] = "";
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(t->p->flow, &step));
-  left = error * PetscExpReal(-get_rate(t) * PetscMax(0, 0.5 * t->end - step->time));
-  PetscCheck(t->n > YOUNG || left <= LEFT * t->promised, t->p->comm, PETSC_ERR_USER_INPUT,
-             "-preset %s cannot keep its %s %% here: the estimated error of steps of %.3g is %.2g %%. Lower -sim_dt to %.2g, or remove -preset",
-             PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)dt, (double)(100 * error), (double)enough);
+  PetscCall(PromiseSay(t->preset, PETSC_TRUE, why, refusal, sizeof(refusal)));
+  SETERRQ(t->p->comm, PETSC_ERR_USER_INPUT, "%s", refusal);
+}
+
+/* Does friction take of this error, from now until the latter half of the run, what the promise has no room for? */
+static PetscBool is_forgotten(TimeError t, PetscReal error, PetscReal now)
+{
+  error *= PetscExpReal(-get_rate(t) * PetscMax(0, 0.5 * t->end - now));
+  return (PetscBool)(error <= LEFT * t->promised);
+}
+
+/* Shorter steps from here on */
+static PetscErrorCode shorten(TimeError t, PetscReal enough, const char why[])
+{
+  PetscFunctionBeginUser;
   if (!t->told)
-    PetscCall(
-      LogRemark("-preset %s promises %s %%, and the estimated error of steps of %.3g is %.2g %%: they are at most %.3g long from here, step %" PetscInt_FMT
-                ", on. Start with that (-sim_dt)",
-                PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)dt, (double)(100 * error), (double)enough,
-                t->n + 2));
+    PetscCall(LogRemark("-preset %s promises %s %%, and %s: they are at most %.3g long from here, step %" PetscInt_FMT
+                        ", on. Start with that (-sim_dt)",
+                        PROMISE_PRESETS[t->preset], PromiseText(t->preset), why, (double)enough, t->n + 2));
   t->bound = enough;
   t->past  = PetscMax(t->past, t->now.error / t->now.time);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -173,7 +202,8 @@ static PetscErrorCode keep_or_stop(TimeError t, PetscReal error, PetscReal dt, P
 /* Is the error of these steps, of length dt, beyond the promise? Then what to do about it. */
 static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscReal dt)
 {
-  char            text[320];
+  char            why[160], text[320];
+  const FlowStep *step;
   const PetscReal enough = SAFETY * dt * PetscPowReal(t->promised / PetscMax(error, 1e-12), 1. / (PetscReal)t->order);
 
   PetscFunctionBeginUser;
@@ -181,10 +211,14 @@ static PetscErrorCode compare_with_promise(TimeError t, PetscReal error, PetscRe
     if (t->bound < PETSC_MAX_REAL) t->bound = PetscMin(enough, GROWTH * t->bound);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (t->asked && enough < t->bound) PetscCall(keep_or_stop(t, error, dt, enough));
-  PetscCall(PetscSNPrintf(text, sizeof(text), "the estimated error of steps of %.3g is %.2g %%. Lower -sim_dt to %.2g",
-                          (double)dt, (double)(100 * error), (double)enough));
-  if (!t->asked && !t->told) PetscCall(PromiseSay(t->preset, PETSC_FALSE, text, NULL, 0));
+  PetscCall(PetscSNPrintf(why, sizeof(why), "the estimated error of steps of %.3g is %.2g %%", (double)dt,
+                          (double)(100 * error)));
+  PetscCall(PetscSNPrintf(text, sizeof(text), "%s. Lower -sim_dt to %.2g", why, (double)enough));
+  if (t->asked && enough < t->bound) {
+    PetscCall(FlowGetStep(t->p->flow, &step));
+    if (t->n <= YOUNG && !is_forgotten(t, error, step->time)) PetscCall(refuse(t, text));
+    PetscCall(shorten(t, enough, why));
+  } else if (!t->asked && !t->told) PetscCall(PromiseSay(t->preset, PETSC_FALSE, text, NULL, 0));
   t->told = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -195,7 +229,7 @@ static PetscErrorCode check_layer(TimeError t)
 {
   const FlowParameters *par;
   BodyState            *s;
-  char                  law[64];
+  char                  law[64], why[320];
   PetscReal             omega, cells;
 
   PetscFunctionBeginUser;
@@ -206,11 +240,12 @@ static PetscErrorCode check_layer(TimeError t)
   PetscCall(FlowGetParameters(t->p->flow, &par));
   omega = PetscSqrtReal(t->now.change / t->now.speed);
   cells = PetscSqrtReal(2 * par->viscosity / (par->density * omega)) / t->l->h;
-  PetscCheck(cells >= LAYER[t->preset] || get_rate(t) > omega, t->p->comm, PETSC_ERR_USER_INPUT,
-             "-preset %s cannot keep its %s %% here: the layer at walls of a flow that swings is %.2f cells thick and "
-             "needs %.2g. "
-             "Refine the mesh (-mesh_cells, -mesh_resolution), or remove -preset",
-             PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)cells, (double)LAYER[t->preset]);
+  if (cells >= LAYER[t->preset] || get_rate(t) > omega) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscSNPrintf(why, sizeof(why),
+                          "the layer at walls of a flow that swings is %.2f cells thick and needs %.2g. "
+                          "Refine the mesh (-mesh_cells, -mesh_resolution)",
+                          (double)cells, (double)LAYER[t->preset]));
+  PetscCall(refuse(t, why));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -282,50 +317,26 @@ PetscErrorCode TimeErrorStep(TimeError t)
 
 /* ---- what comes of it ---- */
 
-PetscErrorCode TimeErrorGet(TimeError t, PetscReal *error)
+/* As a share; -1: not known */
+static PetscReal get_estimate(TimeError t)
 {
-  const PetscReal speed = t ? t->before.speed + t->now.speed : 0;
+  const PetscReal speed = t->before.speed + t->now.speed;
 
-  PetscFunctionBeginUser;
-  *error = speed > 0 && 2 * t->n > t->first ? (t->before.error + t->now.error + t->before.past + t->now.past) / speed
-         : t                                ? t->last
-                                            : -1;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(speed > 0) || 2 * t->n <= t->first) return t->last;
+  return (t->before.error + t->now.error + t->before.past + t->now.past) / speed;
 }
 
 PetscErrorCode TimeErrorFinish(TimeError t)
 {
-  PetscReal error;
+  const PetscReal error = t ? get_estimate(t) : -1;
 
   PetscFunctionBeginUser;
-  PetscCall(TimeErrorGet(t, &error));
   if (error < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(t->p->monitor, "estimated_error_time", error));
   if (t->asked && error > t->promised && t->n >= t->first)
     PetscCall(
       LogRemark("-preset %s promises %s %%, and the steps of this run leave an estimated error of %.2g %%: lower -sim_dt",
                 PROMISE_PRESETS[t->preset], PromiseText(t->preset), (double)(100 * error)));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode TimeErrorRemesh(void *timeerror, Mesh old)
-{
-  TimeError  t   = timeerror;
-  Mesh       now = t->p->mesh;
-  PetscReal *slow, *age;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshSyncNodes(old, t->l->dim, t->slow));
-  PetscCall(MeshSyncNodes(old, 1, t->age));
-  PetscCall(MeshGetLocal(now, &t->l));
-  PetscCall(PetscMalloc2(t->l->nnode_all * t->l->dim, &slow, t->l->nnode_all, &age));
-  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&t->slow, &slow));
-  PetscCall(MeshCarryNodes(old, now, 1, t->age, age));
-  PetscCall(PetscFree2(t->slow, t->age));
-  t->slow = slow;
-  t->age  = age;
-  for (PetscInt i = 0; i < t->l->nnode_all; i++)
-    t->age[i] = PetscMax(0, PetscMin(CALM, PetscFloorReal(t->age[i] + 1e-9)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

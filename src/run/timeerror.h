@@ -24,11 +24,7 @@ PetscErrorCode TimeErrorDestroy(TimeError *);
 /* A step or a part of one was accepted; before CoupleAdvance. NULL: nothing happens. Collective. Errors: a promise that
    cannot be kept any more. */
 PetscErrorCode TimeErrorStep(TimeError);
-/* Estimate as a share, -1: not known; what Finish tells. Local. */
-PetscErrorCode TimeErrorGet(TimeError, PetscReal *error);
-/* Into the summary: estimated_error_time. Collective. */
+/* Into the summary: estimated_error_time, a share, where it is known. Collective. */
 PetscErrorCode TimeErrorFinish(TimeError);
-/* The mesh has been made anew (AdaptRemesh). Collective. */
-PetscErrorCode TimeErrorRemesh(void *timeerror, Mesh old);
 /* StateVisit of a TimeError. */
 PetscErrorCode TimeErrorVisitState(void *timeerror, State);
