@@ -17,8 +17,9 @@ void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], Fac
 /* Unit normal of a place, to the side that tangents and lattice say (right-handed in space; in the plane t turned to
    the left) */
 void FaceNormal(PetscInt dim, const FacePoint *, PetscReal n[3]);
-/* In space: that normal at node j; at a corner that is flat, as where three faces of a cell are on a smooth surface, of
-   a place beside it */
+/* In space: that normal at s; at a corner that is flat, as where three faces of a cell are on a smooth surface, of a
+   place beside it. FaceNodeNormal: at node j. */
+void FaceNormalAt(PetscReal (*const x)[3], const PetscReal s[2], PetscReal n[3]);
 void FaceNodeNormal(PetscReal (*const x)[3], PetscInt j, PetscReal n[3]);
 /* K [3][3]: gradient of that normal along the face */
 void FaceCurvature(PetscInt dim, const FacePoint *, const PetscReal n[3], PetscReal K[9]);

@@ -7,7 +7,7 @@
 #define HALVINGS  30
 #define ROUND_OFF 1e-14 /* step in coordinates */
 #define FLAT      1e-2  /* sine of the angle of tangents */
-#define BESIDE    0.9   /* coordinates of a place beside a node */
+#define BESIDE    0.9   /* coordinates of a place beside a corner */
 
 /* Lagrange's parabolas of -1, 0, 1 at s: values, first and second derivatives */
 static void parabolas(PetscReal s, PetscReal v[3], PetscReal d[3], PetscReal dd[3])
@@ -133,18 +133,23 @@ void FaceNormal(PetscInt dim, const FacePoint *f, PetscReal n[3])
   for (PetscInt a = 0; a < 3; a++) n[a] /= length;
 }
 
+void FaceNormalAt(PetscReal (*const x)[3], const PetscReal s[2], PetscReal n[3])
+{
+  const PetscReal beside[2] = {BESIDE * s[0], BESIDE * s[1]};
+  PetscReal       area[3];
+  FacePoint       p;
+
+  FaceEvaluate(3, x, s, &p);
+  cross(p.t[0], p.t[1], area);
+  if (dot3(area, area) <= FLAT * FLAT * dot3(p.t[0], p.t[0]) * dot3(p.t[1], p.t[1])) FaceEvaluate(3, x, beside, &p);
+  FaceNormal(3, &p, n);
+}
+
 void FaceNodeNormal(PetscReal (*const x)[3], PetscInt j, PetscReal n[3])
 {
-  const PetscReal at[2] = {(PetscReal)(j % 3) - 1, (PetscReal)(j / 3) - 1};
-  const PetscReal in[2] = {BESIDE * at[0], BESIDE * at[1]};
-  PetscReal       area[3];
-  FacePoint       place;
+  const PetscReal s[2] = {(PetscReal)(j % 3) - 1, (PetscReal)(j / 3) - 1};
 
-  FaceEvaluate(3, x, at, &place);
-  cross(place.t[0], place.t[1], area);
-  if (dot3(area, area) <= FLAT * FLAT * dot3(place.t[0], place.t[0]) * dot3(place.t[1], place.t[1]))
-    FaceEvaluate(3, x, in, &place);
-  FaceNormal(3, &place, n);
+  FaceNormalAt(x, s, n);
 }
 
 void FaceCurvature(PetscInt dim, const FacePoint *f, const PetscReal n[3], PetscReal K[9])

@@ -10,27 +10,11 @@
 #define AGAINST -0.2 /* cosine: such a face faces the other way */
 #define SAME    1e-9 /* share by which distances of faces that meet at a closest point may differ */
 
-#define BESIDE  0.9  /* coordinates at an end, where a face is flat there */
-#define FLAT    1e-2 /* sine of the angle of its tangents */
 #define NPLACE  9    /* along a direction of a face, where it is measured */
 #define ON_TOP  1.05 /* factor on what is found there */
 #define NCOMMON 16   /* faces that meet at a closest point, at most */
 
 /* ---- faces ---- */
-
-/* Normal of length 1; at a corner that is flat, as where three faces of a cell are on a smooth surface, that of a place
-   beside it */
-static void face_normal(PetscReal (*const x)[3], const PetscReal s[2], PetscReal n[3])
-{
-  const PetscReal beside[2] = {BESIDE * s[0], BESIDE * s[1]};
-  PetscReal       area[3];
-  FacePoint       p;
-
-  FaceEvaluate(3, x, s, &p);
-  cross(p.t[0], p.t[1], area);
-  if (dot3(area, area) <= FLAT * FLAT * dot3(p.t[0], p.t[0]) * dot3(p.t[1], p.t[1])) FaceEvaluate(3, x, beside, &p);
-  FaceNormal(3, &p, n);
-}
 
 static PetscReal distance2(const PetscReal x[3], const PetscReal y[3])
 {
@@ -294,7 +278,7 @@ static void common_normal(const PhaseSheet *s, const Common *common, PetscReal b
     PetscReal more[3];
 
     if (common->at[i].distance > best * (1 + SAME)) continue;
-    face_normal(s->x[common->face[i]], common->at[i].s, more);
+    FaceNormalAt(s->x[common->face[i]], common->at[i].s, more);
     for (PetscInt a = 0; a < 3; a++) n[a] += more[a];
   }
 }
@@ -360,7 +344,7 @@ static PetscReal faces(PetscReal (*const x)[3], const PetscReal out[3])
   const PetscReal middle[2] = {0, 0}, size = PetscSqrtReal(dot3(out, out));
   PetscReal       n[3];
 
-  face_normal(x, middle, n);
+  FaceNormalAt(x, middle, n);
   return size > 0 ? dot3(n, out) / size : 0;
 }
 
@@ -430,10 +414,9 @@ PetscErrorCode PhaseSheetShift(PhaseSheet *s, PetscInt drop, PetscReal way)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(s->nnode, &n));
   for (PetscInt i = 0; i < 9 * s->n; i++) {
-    const PetscReal at[2] = {(PetscReal)(i % 3 - 1), (PetscReal)(i % 9 / 3 - 1)};
-    PetscReal       more[3];
+    PetscReal more[3];
 
-    face_normal(s->x[i / 9], at, more);
+    FaceNodeNormal(s->x[i / 9], i % 9, more);
     for (PetscInt a = 0; a < 3; a++) n[s->node[i / 9][i % 9]][a] += more[a];
   }
   for (PetscInt i = 0; i < s->nnode; i++) {
