@@ -276,21 +276,14 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 
 static PetscErrorCode remember_nodes(Adapt a)
 {
-  const MeshLocal *l   = a->l;
-  const PetscInt   dim = l->dim, *body;
-  PetscReal       *old;
+  const PetscInt *body;
+  PetscReal      *old;
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetNodeBody(a->couple, &body));
   PetscCall(FlowGetFields(a->flow, NULL, &old, NULL));
-  PetscCall(PetscArraycpy(a->u_older, old, l->nnode_all * dim));
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    PetscBool disturbed = (PetscBool)(body[i] >= 0);
-
-    for (PetscInt d = 0; d < dim; d++)
-      disturbed = (PetscBool)(disturbed || l->x[i * dim + d] != l->x_start[i * dim + d]);
-    a->age[i] = disturbed ? 0 : PetscMin(CALM_STEPS, a->age[i] + 1);
-  }
+  PetscCall(PetscArraycpy(a->u_older, old, a->l->nnode_all * a->l->dim));
+  CalmStep(a->l, body, a->age);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -435,7 +428,7 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   PetscCall(BodiesAttach(bodies, sizeof(*a->U_older), (void **)&a->U_older));
   PetscCall(BodiesAttach(bodies, sizeof(*a->calm), (void **)&a->calm));
   PetscCall(BodiesAttach(bodies, sizeof(*a->gap_last), (void **)&a->gap_last));
-  for (PetscInt i = 0; i < a->l->nnode_all; i++) a->age[i] = CALM_STEPS;
+  CalmBegin(a->l, a->age);
   for (PetscInt k = 0; k < n; k++) {
     a->calm[k]     = CALM_STEPS;
     a->gap_last[k] = PETSC_MAX_REAL;
@@ -473,7 +466,6 @@ PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A node between disturbed ones counts as one */
 PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
 {
   const MeshLocal *l = a->l;
@@ -484,12 +476,10 @@ PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
   PetscCall(FlowGetMesh(a->flow, &now));
   PetscCall(PetscMalloc2(l->nnode_all * l->dim, &u, l->nnode_all, &age));
   PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&a->u_older, &u));
-  PetscCall(MeshCarryNodes(old, now, 1, a->age, age));
+  PetscCall(CalmCarry(old, now, a->age, age));
   PetscCall(PetscFree2(a->u_older, a->age));
   a->u_older = u;
   a->age     = age;
-  for (PetscInt i = 0; i < l->nnode_all; i++)
-    a->age[i] = PetscMax(0, PetscMin(CALM_STEPS, PetscFloorReal(a->age[i] + 1e-9)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,9 +1,8 @@
 /* Adapt: what its files share. adapt.c: control, limits, life cycle. adapterror.c: the error of a step. */
 #pragma once
 #include "adapt.h"
+#include "calm.h"
 #include "bodies/local.h"
-
-#define CALM_STEPS 3 /* steps after which a disturbed node or body counts again */
 
 /* Rows of the table of limits */
 enum {
@@ -56,8 +55,7 @@ struct _p_Adapt {
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
   PetscReal        start_dt;                 /* of the last attempt at the first step of all, whose velocities are in
                                                 u_older and U_older; 0: none */
-  PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
-                                             disturbed */
+  PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] (calm.h) */
   PetscReal (*U_older)[6], *calm, *gap_last; /* [n] velocities at n-2; steps since contact; gap in the last step */
   PetscInt row[NROWS], column[NCOLUMNS];
 };

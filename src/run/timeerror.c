@@ -1,6 +1,7 @@
 /* TimeError: see timeerror.h. */
 #include "compat.h"
 #include "timeerror.h"
+#include "calm.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -12,7 +13,6 @@
    1/(3 n^2) at step n, .1 and .03 % */
 #define FIRST          32
 #define FIRST_ACCURATE 64
-#define CALM           3   /* steps after which a disturbed node counts again */
 #define EVERY          8   /* steps between two looks at the rate of friction */
 #define FADE           0.9 /* what older looks count */
 #define SAFETY         0.9 /* of the step that would do */
@@ -34,7 +34,7 @@ typedef struct {
 struct _p_TimeError {
   const SimComponents *p;
   const MeshLocal     *l;
-  PetscReal           *slow, *age;      /* [nnode_all][dim] mean of the derivative; [nnode_all] steps since disturbed */
+  PetscReal           *slow, *age;      /* [nnode_all][dim] mean of the derivative; [nnode_all] (calm.h) */
   PetscReal            friction[2];     /* viscosity |grad|^2, | |^2 of the derivative, sums over looks */
   PetscReal            past, last;      /* error that longer steps made, as those of `now`; share in the last stretch */
   PetscReal            end;             /* of the run */
@@ -61,16 +61,13 @@ static PetscErrorCode carry_over(void *timeerror, Mesh old)
 
   PetscFunctionBeginUser;
   PetscCall(MeshSyncNodes(old, t->l->dim, t->slow));
-  PetscCall(MeshSyncNodes(old, 1, t->age));
   PetscCall(MeshGetLocal(now, &t->l));
   PetscCall(PetscMalloc2(t->l->nnode_all * t->l->dim, &slow, t->l->nnode_all, &age));
   PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&t->slow, &slow));
-  PetscCall(MeshCarryNodes(old, now, 1, t->age, age));
+  PetscCall(CalmCarry(old, now, t->age, age));
   PetscCall(PetscFree2(t->slow, t->age));
   t->slow = slow;
   t->age  = age;
-  for (PetscInt i = 0; i < t->l->nnode_all; i++)
-    t->age[i] = PetscMax(0, PetscMin(CALM, PetscFloorReal(t->age[i] + 1e-9)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -94,7 +91,7 @@ PetscErrorCode TimeErrorCreate(const SimComponents *p, Limits limits, PetscReal 
   t->first    = t->promised < 0.005 ? FIRST_ACCURATE : FIRST;
   t->last     = -1;
   PetscCall(PetscCalloc2(t->l->nnode_all * t->l->dim, &t->slow, t->l->nnode_all, &t->age));
-  for (PetscInt i = 0; i < t->l->nnode_all; i++) t->age[i] = CALM;
+  CalmBegin(t->l, t->age);
   PetscCall(LimitsAdd(limits,
                       &(Limit){LIMIT_BOUND, "promise", "what the preset promises", "-sim_dt", "",
                                "shorter from then on", t->promised, keep_promise, t},
@@ -152,16 +149,6 @@ static PetscErrorCode look_at_rate(TimeError t, const PetscReal u[], const Petsc
   t->friction[1] = FADE * t->friction[1] + square;
   PetscCall(PetscFree(a));
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Has a body or a moving mesh touched node i in this step? */
-static PetscBool is_disturbed(const MeshLocal *l, const PetscInt body[], PetscInt i)
-{
-  PetscBool disturbed = (PetscBool)(body[i] >= 0);
-
-  for (PetscInt d = 0; d < l->dim; d++)
-    disturbed = (PetscBool)(disturbed || l->x[i * l->dim + d] != l->x_start[i * l->dim + d]);
-  return disturbed;
 }
 
 static PetscReal get_rate(TimeError t)
@@ -279,6 +266,7 @@ PetscErrorCode TimeErrorStep(TimeError t)
   PetscCall(FlowGetFields(t->p->flow, &now, &old, NULL));
   PetscCall(FlowGetLumpedMass(t->p->flow, &m));
   get_weights(step, weight);
+  CalmStep(t->l, body, t->age);
   if (t->n % EVERY == 0) PetscCall(look_at_rate(t, u, now, old, weight));
   c    = step->error * step->ct * step->dt * PetscPowRealInt(step->dt, (int)step->order);
   rate = get_rate(t);
@@ -295,8 +283,7 @@ PetscErrorCode TimeErrorStep(TimeError t)
       size += PetscSqr(u[j]);
       change += PetscSqr(a);
     }
-    t->age[i] = is_disturbed(t->l, body, i) ? 0 : PetscMin(CALM, t->age[i] + 1);
-    if (t->age[i] < CALM) continue;
+    if (t->age[i] < CALM_STEPS) continue;
     sum[0] += m[i] * e;
     sum[1] += m[i] * size;
     sum[2] += m[i] * change;

@@ -1,0 +1,13 @@
+/* Calm: which nodes no body and no moving mesh has touched for some steps, so that differences in time mean something
+   there. */
+#pragma once
+#include "mesh/mesh.h"
+
+#define CALM_STEPS 3 /* after which what was disturbed counts again */
+
+/* age [nnode_all]: steps since a node was disturbed, CALM_STEPS at most. All are calm. Local. */
+void CalmBegin(const MeshLocal *, PetscReal age[]);
+/* A step was taken, with these bodies at nodes (CoupleGetNodeBody). Local. */
+void CalmStep(const MeshLocal *, const PetscInt body[], PetscReal age[]);
+/* To another mesh: next [nnode_all] of that one. A node between disturbed ones counts as one. Collective. */
+PetscErrorCode CalmCarry(Mesh old, Mesh now, const PetscReal age[], PetscReal next[]);
