@@ -16,26 +16,21 @@ typedef struct {
 static PetscErrorCode find_drop(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], PetscReal *number,
                                 PetscReal *depth)
 {
+  const PetscReal place[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
+
   PetscFunctionBeginUser;
   *number = -1;
   *depth  = -TIE * l->h;
-  for (PetscInt i = 0; i < (l->dim == 2 ? 9 : 27); i++) {
-    PetscReal        at[3];
-    PetscBool        is = PETSC_TRUE;
+  for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
     const PetscReal *middle;
     PetscInt         drop;
     PhasePoint       p = {.edge = -1};
 
-    for (PetscInt a = 0, m = i; a < l->dim; a++, m /= 3) {
-      at[a] = x[a] + (PetscReal)(m % 3 - 1) * l->period[a];
-      is    = (PetscBool)(is && (m % 3 == 1 || l->period[a] > 0));
-    }
-    if (!is) continue;
     if (!PhaseInterfaceSize(&f->interface)) { /* in space at the start */
-      PetscCall(DropsStartNearest(f->drops, at, &drop));
-      PetscCall(DropsStartDistance(f->drops, 1, at, &p.d));
+      PetscCall(DropsStartNearest(f->drops, i.at, &drop));
+      PetscCall(DropsStartDistance(f->drops, 1, i.at, &p.d));
     } else {
-      PhaseInterfaceClosest(&f->interface, at, PETSC_MAX_REAL / 4, &p);
+      PhaseInterfaceClosest(&f->interface, i.at, PETSC_MAX_REAL / 4, &p);
       if (p.edge < 0) continue;
       (void)PhaseInterfacePiece(&f->interface, p.edge, &drop, &middle);
     }

@@ -31,28 +31,22 @@ static PetscErrorCode new_places(const CoupleDrops *f, const MeshLocal *l, Petsc
 /* chi at a place, by the nearest image of the interface (before the first step nothing has moved) */
 static PetscReal weight_at(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[])
 {
-  const PetscReal      reach = FAR * l->h;
-  PetscReal            best  = reach;
-  const AlignSurfaces *s     = PhaseSurfacesGet(f->surfaces);
+  const PetscReal      reach = FAR * l->h, place[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
+  PetscReal            best = reach;
+  const AlignSurfaces *s    = PhaseSurfacesGet(f->surfaces);
 
   if (!PhaseInterfaceSize(&f->interface)) return 0;
-  for (PetscInt image = 0; image < (l->dim == 2 ? 9 : 27); image++) { /* of the place, that may be near the interface */
-    const PetscInt step[3] = {image % 3 - 1, image / 3 % 3 - 1, image / 9 - 1};
-    PetscReal      at[3], square = 0;
-    PetscBool      is = PETSC_TRUE;
-    PhasePoint     p;
+  for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
+    PetscReal  square = 0;
+    PhasePoint p;
 
-    for (PetscInt a = 0; a < l->dim; a++) {
-      at[a] = x[a] + (PetscReal)step[a] * l->period[a];
-      is    = (PetscBool)(is && (!step[a] || l->period[a] != 0));
-      square += PetscSqr(at[a] - s->centre[0][a]);
-    }
-    if (!is || PetscSqrtReal(square) > s->radius[0] + reach) continue;
+    for (PetscInt a = 0; a < l->dim; a++) square += PetscSqr(i.at[a] - s->centre[0][a]);
+    if (PetscSqrtReal(square) > s->radius[0] + reach) continue;
     if (l->dim == 3) {
-      best = PhaseSheetNear(&f->interface.sheet, at, best); /* about */
+      best = PhaseSheetNear(&f->interface.sheet, i.at, best); /* about */
       continue;
     }
-    PhaseInterfaceClosest(&f->interface, at, best, &p);
+    PhaseInterfaceClosest(&f->interface, i.at, best, &p);
     if (p.edge >= 0) best = PetscMin(best, PetscAbsReal(p.d));
   }
   return PetscMax(0, PetscMin(1, (FAR - best / l->h) / (FAR - NEAR)));

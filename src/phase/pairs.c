@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
+#include "base/domain.h"
 #include "fem/edge.h"
 
 PetscBool DropsMayStayApart(const DropsState *s)
@@ -24,10 +25,7 @@ static PetscReal find_gap(const PhaseCurve *c, PetscInt a, PetscInt b, PetscReal
       for (PetscInt j = 1; j < 3; j++) {
         PetscReal x[2], y[2], d[2];
 
-        for (PetscInt i = 0; i < 2; i++) {
-          x[i] = c->x[e][j][i];
-          if (period && period[i] > 0) x[i] -= period[i] * PetscFloorReal((x[i] - c->ball[o][i]) / period[i] + 0.5);
-        }
+        for (PetscInt i = 0; i < 2; i++) x[i] = DomainNearest(period[i], c->x[e][j][i], c->ball[o][i]);
         if (EdgeDistance2(x, c->ball[o]) > PetscSqr(gap + c->ball[o][2])) continue;
         EdgeEvaluate(c->x[o], EdgeClosest(c->x[o], x), y, d);
         gap = PetscMin(gap, PetscSqrtReal(EdgeDistance2(x, y)));
