@@ -232,14 +232,13 @@ static void add_history(Scalars all, const Scalar *s, PetscInt c, const PetscRea
   for (PetscInt j = 0; j < nb; j++) cell->f[j] -= (y[j] - p->ct * z[j]) / p->theta;
 }
 
-PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
+PetscErrorCode ScalarCellMatrices(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarCell *cell)
 {
   const MeshLocal *l  = all->loc;
   const PetscInt   nb = l->nb, nbp = all->element.nbp, sample = s->cells.sample ? s->cells.sample[c] : -1;
-  PetscReal        xc[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3];
+  PetscReal        wl[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
   PetscCall(PetscArrayzero(cell->f, nb));
   if (s->w) ScalarCellGather(l, c, l->dim, s->w, wl);
   if (sample >= 0) {
@@ -247,6 +246,16 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
     PetscCall(PetscArrayzero(cell->M, nb * nbp));
     add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
   } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
+{
+  PetscReal xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  PetscCall(ScalarCellMatrices(all, s, c, xc, cell));
   if (s->limit.part && s->limit.part[c] > 0 && s->w) ScalarLimitCell(all, s, c, cell->A, cell->M);
   if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
   if (s->cell_side) PetscCall(add_sides(all, s, c, cell->A, cell->f));

@@ -147,6 +147,8 @@ typedef struct {
     linear[ELEMENT_MAX_NB];
 } ScalarCell;
 PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
+/* Before it is stabilised, without its faces and history: A, M, and f of sources; xc as ScalarCellCoordinates has it */
+PetscErrorCode ScalarCellMatrices(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarCell *);
 /* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */
 PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
                             PetscReal g[3][MESH_MAX_NB]);

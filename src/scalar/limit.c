@@ -197,13 +197,13 @@ static void add_bounds(Scalars all, const Scalar *s, const PetscInt node[], cons
 static PetscErrorCode add_fluxes(Scalars all, const Scalar *s, PetscInt c, const PetscInt node[], const PetscReal x[],
                                  const PetscReal r[], NodeLimits at[])
 {
-  const PetscInt nb   = all->loc->nb;
-  Scalar         full = *s;
+  const PetscInt nb = all->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3];
   ScalarCell     cell;
 
   PetscFunctionBeginUser;
-  full.limit.part = NULL;
-  PetscCall(ScalarCellSet(all, &full, c, &cell));
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  PetscCall(ScalarCellMatrices(all, s, c, xc, &cell));
   ScalarLimitAddMass(all, -1, cell.A, cell.M);
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb && node[i] >= 0; j++) {

@@ -115,6 +115,8 @@ static void expect_bounds(PetscInt dim, PetscInt skewed, Field stream, PetscInt 
 
 static void test_bounds(void **state)
 {
+  static const char
+    COOLED[] = "-mesh_cells 16,16 -mesh_upper 1,1 -scalar_s_bc_top_transfer 1 -scalar_s_bc_right_transfer 1 " INFLOW;
   static const char BOX
     []      = "-mesh_cells 16,16 -mesh_upper 1,1 " INFLOW,
  IN_SPACE[] = "-mesh_cells 6,6,3 -mesh_upper 1,1,0.5 " INFLOW,
@@ -132,6 +134,7 @@ static void test_bounds(void **state)
   if (ranks > 1) return;
   expect_bounds(2, 0, steeply, 24, 0.025, BOX);
   expect_bounds(2, 0, across, 1, 0, BOX);
+  expect_bounds(2, 0, across, 24, 0.025, COOLED);
   expect_bounds(2, 0, around, 32, 0.025, DISC);
   expect_bounds(2, 12, across, 20, 0.02, FRONT);
   expect_bounds(3, 0, through, 10, 0.04, IN_SPACE);
