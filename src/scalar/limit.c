@@ -35,6 +35,14 @@ enum {
 /* Of lattice points along the axes */
 static const PetscInt STEP[] = {1, 3, 9};
 
+/* Largest of all ranks, of n numbers */
+static PetscErrorCode find_largest(Scalars all, PetscMPIInt n, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, n, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Convecting over conducting in cell c with velocities w [nb][dim] at its lattice points: |w|^2/(|J^-1 w| D), which is
    |w| h/(2 D) with h its length along w; 0 where the fastest |w| |J|/D, which is no less, is below the bound */
 static PetscReal find_peclet(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const PetscReal w[])
@@ -230,6 +238,15 @@ static void set_limits(Scalars all, const Scalar *s, const NodeLimits at[], Pets
   }
 }
 
+/* Farthest of the nodes of cell c */
+static PetscReal find_farthest(const MeshLocal *l, PetscInt c, const PetscReal out[])
+{
+  PetscReal far = 0;
+
+  for (PetscInt j = 0; j < l->nb; j++) far = PetscMax(far, out[l->cell_node[c * l->nb + j]]);
+  return far;
+}
+
 /* Bounds of nodes of cells beyond the bound, how far these are out of them, out [nnode_all], and the farthest here */
 static PetscErrorCode find_bounds(Scalars all, const Scalar *s, NodeLimits at[], PetscReal out[], PetscReal *farthest)
 {
@@ -251,9 +268,8 @@ static PetscErrorCode find_bounds(Scalars all, const Scalar *s, NodeLimits at[],
     out[i] = s->owner[i] < 0 ? PetscMax(0, PetscMax(s->x[i] - at[i].top, at[i].bottom - s->x[i])) : 0;
   PetscCall(MeshSyncNodes(all->mesh, 1, out));
   *farthest = 0;
-  for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < l->nb && s->limit.peclet[c] > 0; j++)
-      *farthest = PetscMax(*farthest, out[l->cell_node[c * l->nb + j]]);
+  for (PetscInt k = 0; k < s->limit.nnear; k++)
+    if (s->limit.peclet[s->limit.near[k]] > 0) *farthest = PetscMax(*farthest, find_farthest(l, s->limit.near[k], out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,9 +280,8 @@ static void set_low(const MeshLocal *l, const PetscReal peclet[], const PetscRea
 {
   *beyond = 0;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal far = 0;
+    const PetscReal far = peclet[c] > 0 ? find_farthest(l, c, out) : 0;
 
-    for (PetscInt j = 0; j < l->nb && peclet[c] > 0; j++) far = PetscMax(far, out[l->cell_node[c * l->nb + j]]);
     if (part[c] > 0) *beyond = PetscMax(*beyond, far);
     if (far <= FAR * range) continue;
     *beyond = PetscMax(*beyond, far);
@@ -337,7 +352,7 @@ static PetscErrorCode find_cells(Scalars all, const Scalar *s, ScalarLimits *lim
       break;
     }
   PetscCall(PetscFree(wanted));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscCall(find_largest(all, 1, &largest));
   limit->any = (PetscBool)(largest > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -352,7 +367,7 @@ static PetscErrorCode find_range(Scalars all, const Scalar *s, PetscReal *range)
     v[0] = PetscMax(v[0], s->x[i]);
     v[1] = PetscMax(v[1], -s->x[i]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 2, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscCall(find_largest(all, 2, v));
   *range = v[0] + v[1];
   if (!(*range > FLAT * PetscMax(PetscAbsReal(v[0]), PetscAbsReal(v[1])))) *range = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -383,16 +398,8 @@ static PetscErrorCode find_change(Scalars all, const Scalar *s, const PetscReal 
   for (PetscInt i = 0; i < all->loc->nnode && s->limit.x; i++)
     v[0] = PetscMax(v[0], PetscAbsReal(s->x[i] - s->limit.x[i]));
   for (PetscInt c = 0; c < all->loc->ncell; c++) v[1] = PetscMax(v[1], part[c]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 2, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscCall(find_largest(all, 2, v));
   *change = v[1] > 0 ? v[0] : 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Largest of all ranks */
-static PetscErrorCode find_largest(Scalars all, PetscReal *v)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 1, MPIU_REAL, MPIU_MAX, all->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -413,7 +420,7 @@ static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal r
   for (PetscInt i = 0; i < 2 * l->nnode_all && last.part; i++) next.node[i] = PetscMin(next.node[i], last.node[i]);
   PetscCall(PetscArraycpy(next.x, s->x, l->nnode_all));
   if (all->step.ct == 0) PetscCall(find_change(all, s, next.part, &beyond));
-  else if (again) PetscCall(find_largest(all, &beyond));
+  else if (again) PetscCall(find_largest(all, 1, &beyond));
   *more = (PetscBool)(beyond > BEYOND * range);
   PetscCall(free_limits(again && !*more ? &next : &last));
   if (!again || *more) s->limit = next;
@@ -423,7 +430,7 @@ static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal r
 PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *more)
 {
   const MeshLocal *l = all->loc;
-  PetscReal       *out, range, farthest;
+  PetscReal       *out, range = 0, farthest;
   NodeLimits      *at;
 
   PetscFunctionBeginUser;
@@ -437,7 +444,7 @@ PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *m
   if (range == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(l->nnode_all, &at, l->nnode_all, &out));
   PetscCall(find_bounds(all, s, at, out, &farthest));
-  if (again) PetscCall(find_largest(all, &farthest));
+  if (again) PetscCall(find_largest(all, 1, &farthest));
   if (!again || all->step.ct == 0 || farthest > BEYOND * range) PetscCall(renew(all, s, again, range, out, at, more));
   PetscCall(PetscFree2(at, out));
   PetscFunctionReturn(PETSC_SUCCESS);
