@@ -138,7 +138,6 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
-    f->starts = PETSC_TRUE;
     PetscCall(PetscArrayzero(f->way, c->loc->dim * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {
@@ -147,7 +146,6 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
     PetscCall(DropsGather(f, c, f->cell_drop, f->way, &f->interface));
     PetscCall(DropsKeepVolumes(f, c, &f->interface, &way));
   }
-  f->lined_up = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -199,12 +197,12 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
   before = f->s->broken;
   PetscCall(DropsInherit(f->drops, &f->interface, &now, n, volume, number, &changed));
   f->broke = f->s->broken > before ? GIVEN_BACK : PetscMax(0, f->broke - 1);
-  if (f->starts) PetscCall(DropsCheckStart(f, c, n, volume, number));
+  if (!f->lined_up) PetscCall(DropsCheckStart(f, c, n, volume, number));
   PetscCheck(f->s->n, c->comm, PETSC_ERR_USER_INPUT,
              "The last drop has vanished at t = %g: it had no cell's middle in it any more: use smaller cells (-mesh_cells)",
              (double)c->step->time);
-  if (changed && !f->starts) PetscCall(begin_anew(f, c));
-  f->starts = PETSC_FALSE;
+  if (changed && f->lined_up) PetscCall(begin_anew(f, c));
+  f->lined_up = PETSC_TRUE;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
   PetscCall(PetscFree2(volume, number));
   PetscCall(PhaseInterfaceDestroy(&now));

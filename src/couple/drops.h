@@ -30,12 +30,11 @@ typedef struct CoupleDrops {
   /* that the mesh is lined up with, or will be in this step; nothing: not yet, or (in space) with what drops are at the
      start */
   PhaseInterface interface;
-  PetscBool      lined_up; /* once at least */
+  PetscBool      lined_up; /* once at least; until then the first mesh is being made */
   Align          align;
   AlignResult    result;
   Remap          remap;
   PetscBool      first_order;         /* the last step was */
-  PetscBool      starts;              /* the first mesh is being made */
   PetscInt       broke;               /* so many steps more give back what vanished where a drop broke up */
   PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
