@@ -81,33 +81,26 @@ PetscErrorCode DropReportDestroy(DropReport *report)
 
 static void write_drop(const DropReport r, PetscReal time, const Drop *d)
 {
-  const PhaseSums *s = &d->sums;
-  PetscReal        deformation, angle;
+  FILE            *file  = r->table.file;
+  const PhaseSums *s     = &d->sums;
+  const PetscReal  round = r->dim == 2 ? 2 * PetscSqrtReal(PETSC_PI * PetscMax(0, s->area))
+                                       : PetscCbrtReal(36 * PETSC_PI * s->area * s->area); /* `length` of one that is */
+  PetscReal        deformation, angle, axis[3];
 
+  (void)fprintf(file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,", (double)time, d->number, r->s->group[d->group].name,
+                (double)s->area, (double)(s->area / d->target - 1));
+  for (PetscInt a = 0; a < r->dim; a++) (void)fprintf(file, "%.12g,", (double)s->centre[a]);
+  for (PetscInt a = 0; a < r->dim; a++) (void)fprintf(file, "%.12g,", (double)d->velocity[a]);
+  (void)fprintf(file, "%.12g,%.12g,", (double)s->length, s->length > 0 ? (double)(round / s->length) : 0.);
+  if (r->dim == 3) {
+    EllipsoidFind(s->second, &deformation, axis);
+    (void)fprintf(file, "%.9g,%.9g,%.9g,%.9g\n", (double)deformation, (double)axis[0], (double)axis[1],
+                  (double)axis[2]);
+    return;
+  }
   EllipseFind(s->second[0], s->second[1], s->second[2], &deformation, &angle);
   if (angle < BEGIN) angle += PETSC_PI;
-  (void)fprintf(r->table.file,
-                "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g,%.12g\n",
-                (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
-                (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],
-                (double)s->length,
-                s->length > 0 ? (double)(2 * PetscSqrtReal(PETSC_PI * PetscMax(0, s->area)) / s->length) : 0.,
-                (double)deformation, (double)angle, (double)s->wet);
-}
-
-static void write_in_space(const DropReport r, PetscReal time, const Drop *d)
-{
-  const PhaseSums *s = &d->sums;
-  PetscReal        deformation, axis[3], ball = PetscCbrtReal(36 * PETSC_PI * s->area * s->area);
-
-  EllipsoidFind(s->second, &deformation, axis);
-  (void)fprintf(r->table.file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,", (double)time, d->number,
-                r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1));
-  for (PetscInt a = 0; a < 3; a++) (void)fprintf(r->table.file, "%.12g,", (double)s->centre[a]);
-  for (PetscInt a = 0; a < 3; a++) (void)fprintf(r->table.file, "%.12g,", (double)d->velocity[a]);
-  (void)fprintf(r->table.file, "%.12g,%.12g,%.9g,%.9g,%.9g,%.9g\n", (double)s->length,
-                s->length > 0 ? (double)(ball / s->length) : 0., (double)deformation, (double)axis[0], (double)axis[1],
-                (double)axis[2]);
+  (void)fprintf(file, "%.9g,%.9g,%.12g\n", (double)deformation, (double)angle, (double)s->wet);
 }
 
 void DropReportMarkCells(DropReport r)
@@ -143,7 +136,7 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
       EventTableOpen(r->comm, r->dir, "drops.csv", r->dim == 2 ? HEADING : SPACE, step > 1 ? time : 0, &r->table));
   r->opened = PETSC_TRUE;
   for (PetscInt k = 0; k < r->s->n; k++) {
-    if (!r->rank) (r->dim == 2 ? write_drop : write_in_space)(r, time, r->s->drop + k);
+    if (!r->rank) write_drop(r, time, r->s->drop + k);
     error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
   }
   PetscCall(EventTableFlush(&r->table));
