@@ -316,17 +316,18 @@ static PetscErrorCode add_group(Drops d, PetscInt g, const PhaseBox *box, Edges 
 
   PetscFunctionBeginUser;
   if (group->shape) {
-    PetscReal whole;
+    PetscReal whole, left;
 
     PetscCall(sample(group, box->h, &n, &x));
     whole = area_of(n, x);
     n     = cut_short(box, n, x);
-    if (area_of(n, x) < TOLD * whole)
+    left  = area_of(n, x);
+    if (left < TOLD * whole)
       PetscCall(
         LogRemark("the fluid '%s' reaches within a cell of a side of the domain that it does not wet: it is cut short there, and starts with %.4g of its "
                   "volume: move it (-particle_%s_position), or have it wet the side (-particle_%s_contact_angle)",
-                  group->name, (double)(area_of(n, x) / whole), group->name, group->name));
-    if (area_of(n, x) < NOTHING * whole) n = 0;
+                  group->name, (double)(left / whole), group->name, group->name));
+    if (left < NOTHING * whole) n = 0;
   }
   if (group->shape && !reaches_out(box, n, x)) PetscCall(add_line(g, n, x, all));
   else

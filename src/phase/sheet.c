@@ -250,14 +250,14 @@ PetscErrorCode PhaseSheetGather(MPI_Comm comm, PetscInt n, const PhaseFace face[
 
 /* ---- questions ---- */
 
-/* The face with the nearest middle, of a part (-1: of all) */
+/* The face of a part with the nearest middle */
 static PetscInt nearest_middle(const PhaseSheet *s, PetscInt part, const PetscReal x[3])
 {
   PetscReal best  = PETSC_MAX_REAL;
   PetscInt  which = -1;
 
   for (PetscInt e = 0; e < s->n; e++) {
-    if ((part >= 0 && s->part[e] != part) || distance2(x, s->ball[e]) >= best) continue;
+    if (s->part[e] != part || distance2(x, s->ball[e]) >= best) continue;
     best  = distance2(x, s->ball[e]);
     which = e;
   }
@@ -295,8 +295,7 @@ static PetscBool search_part(const PhaseSheet *s, PetscInt part, const PetscReal
     const PetscInt e = i < 0 ? start : i;
     FacePoint      at;
 
-    if (s->part[e] != part || (i == start && i >= 0) || !may_be_nearer(s->ball[e], s->x[e], x, best * (1 + SAME)))
-      continue;
+    if (s->part[e] != part || i == start || !may_be_nearer(s->ball[e], s->x[e], x, best * (1 + SAME))) continue;
     FaceNearest(3, s->x[e], x, &at);
     if (at.distance > best * (1 + SAME) || at.distance >= reach) continue;
     if (at.distance < best * (1 - SAME)) common.n = 0;
@@ -370,12 +369,13 @@ void PhaseSheetApproach(const PhaseSheet *s, const PetscReal x[3], const PetscRe
   if (p->edge < 0 && out) PhaseSheetApproach(s, x, NULL, p);
 }
 
+/* Places in a matrix of what a symmetric tensor holds */
+static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COL[6] = {0, 1, 2, 1, 2, 2};
+
 /* What a place on the surface, n the normal times the area there, adds to the moments; the place from o */
 static void add_moments(const PetscReal y[3], const PetscReal n[3], PetscReal first[3], PetscReal second[6],
                         PhaseSums *s)
 {
-  static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COL[6] = {0, 1, 2, 1, 2, 2};
-
   s->area += dot3(y, n) / 3;
   s->length += PetscSqrtReal(dot3(n, n));
   for (PetscInt a = 0; a < 3; a++) first[a] += 0.5 * y[a] * y[a] * n[a];
@@ -384,9 +384,8 @@ static void add_moments(const PetscReal y[3], const PetscReal n[3], PetscReal fi
 
 void PhaseSheetMeasure(const PhaseSheet *s, PetscInt drop, PhaseSums *sums)
 {
-  static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COL[6] = {0, 1, 2, 1, 2, 2};
-  PetscReal             o[3], first[3] = {0}, second[6] = {0};
-  PetscBool             found = PETSC_FALSE;
+  PetscReal o[3], first[3] = {0}, second[6] = {0};
+  PetscBool found = PETSC_FALSE;
 
   *sums = (PhaseSums){0};
   for (PetscInt e = 0; e < s->n; e++) {
