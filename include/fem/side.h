@@ -13,6 +13,15 @@ static inline void SideList(PetscInt dim, PetscInt side, PetscInt slot[SIDE_MAX]
     slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
 }
 
+/* In space the same, its directions in the order whose product points out of the cell */
+static inline void SideListOutward(PetscInt side, PetscInt slot[SIDE_MAX])
+{
+  PetscInt list[SIDE_MAX];
+
+  SideList(3, side, list);
+  for (PetscInt j = 0; j < 9; j++) slot[j] = list[side % 2 ? j : 3 * (j % 3) + j / 3];
+}
+
 /* Are all nodes of a side of the cell with these nodes marked? */
 static inline PetscBool SideIsMarked(PetscInt dim, PetscInt side, const PetscInt node[], const PetscBool marked[])
 {

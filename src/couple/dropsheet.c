@@ -9,30 +9,23 @@
 #include "fem/gauss.h"
 #include "fem/side.h"
 
-/* The face of a side of a cell with these nodes: on a lower side its directions change places, so that their product
-   points outwards */
-static void fill_face(const MeshLocal *l, PetscInt side, const PetscInt node[], const PetscReal xc[], PhaseFace *face)
+/* The face at these slots of a cell with these nodes */
+static void fill_face(const MeshLocal *l, const PetscInt slot[], const PetscInt node[], const PetscReal xc[],
+                      PhaseFace *face)
 {
-  PetscInt slot[SIDE_MAX];
-
-  SideList(3, side, slot);
-  for (PetscInt j = 0; j < 9; j++) {
-    const PetscInt i = slot[side % 2 ? j : 3 * (j % 3) + j / 3];
-
+  for (PetscInt j = 0; j < 9; j++)
     for (PetscInt a = 0; a < 3; a++) {
-      face->key[j][a] = l->x_start[3 * node[i] + a];
-      face->x[j][a]   = xc[3 * i + a];
+      face->key[j][a] = l->x_start[3 * node[slot[j]] + a];
+      face->x[j][a]   = xc[3 * slot[j] + a];
     }
-  }
 }
 
 PetscErrorCode DropsGatherSheet(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
                                 PhaseSheet *sheet)
 {
-  static const PetscInt STEP[3] = {1, 3, 9};
-  const MeshLocal      *l       = c->loc;
-  PetscInt              n = 0, capacity = 0;
-  PhaseFace            *face = NULL;
+  const MeshLocal *l = c->loc;
+  PetscInt         n = 0, capacity = 0;
+  PhaseFace       *face = NULL;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
@@ -42,11 +35,12 @@ PetscErrorCode DropsGatherSheet(CoupleDrops *f, Couple c, const PetscInt cell_dr
     if (cell_drop[e] < 0) continue;
     PetscCall(DropsCellCoordinates(f, c, e, way, xc));
     for (PetscInt side = 0; side < 6; side++) {
-      const PetscInt middle = node[13 + (side % 2 ? 1 : -1) * STEP[side / 2]];
+      PetscInt slot[SIDE_MAX];
 
-      if (!DropsIsInterface(l, cell_drop, middle)) continue;
+      SideListOutward(side, slot);
+      if (!DropsIsInterface(l, cell_drop, node[slot[4]])) continue;
       PetscCall(ArrayReserve(n + 1, &capacity, &face, sizeof(*face), NULL));
-      fill_face(l, side, node, xc, face + n);
+      fill_face(l, slot, node, xc, face + n);
       face[n++].drop = (PetscReal)cell_drop[e];
     }
   }

@@ -2,24 +2,14 @@
 #include "compat.h"
 #include "space.h"
 #include "base/algebra.h"
-
-/* Nodes of face `which` of a cell: axis which/2, its lower side at first. Its two directions and the outward normal are
-   right-handed. */
-static void list_face(PetscInt which, PetscInt node[9])
-{
-  static const PetscInt STEP[3] = {1, 3, 9};
-  const PetscInt        axis = which / 2, upper = which % 2;
-  const PetscInt        first = STEP[(axis + (upper ? 1 : 2)) % 3], second = STEP[(axis + (upper ? 2 : 1)) % 3];
-
-  for (PetscInt j = 0; j < 9; j++) node[j] = 2 * upper * STEP[axis] + j % 3 * first + j / 3 * second;
-}
+#include "fem/side.h"
 
 PetscErrorCode SolidFindFaces(SolidMesh *m)
 {
-  PetscInt *cells, face[6][9];
+  PetscInt *cells, face[6][SIDE_MAX];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 6; i++) list_face(i, face[i]);
+  for (PetscInt i = 0; i < 6; i++) SideListOutward(i, face[i]);
   PetscCall(PetscCalloc1(m->nnode, &cells));
   m->nside   = 0;
   m->nb_side = 9;
