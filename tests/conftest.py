@@ -3,6 +3,7 @@
 The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC. How tests are collected, limited in time
 and counted stands in collector.py.
 """
+import csv
 import os
 import re
 import subprocess
@@ -33,6 +34,12 @@ def edited(old, new, text=SCENE):
     """SCENE with one place changed; the place must be there, so that a test cannot lose its subject."""
     assert text.count(old) == 1, f"'{old}' must stand once in the scene"
     return text.replace(old, new)
+
+
+def read_rows(path):
+    """Rows of a table of a run: all but the names of groups are numbers."""
+    with open(path) as file:
+        return [{key: text if key == "group" else float(text) for key, text in row.items()} for row in csv.DictReader(file)]
 
 
 class Result:

@@ -1,9 +1,9 @@
 """Bodies that turn about an axis or travel along a direction, orientation at the start, obstacles, bodies made of shapes in the scene."""
-import csv
 import math
 
 import pytest
 
+from conftest import read_rows
 from test_badinput import refused
 
 ROD = """\
@@ -47,8 +47,7 @@ def bodies(run, scene, text, *options, ranks=1):
     done = run([scene(text), *options], ranks)
     assert done.status == 0, done
     path = max(done.folder.rglob("bodies.csv"), key=lambda path: path.stat().st_mtime_ns)
-    with open(path) as file:
-        rows = [{name: value if name == "group" else float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    rows = read_rows(path)
     assert rows, done
     return rows
 

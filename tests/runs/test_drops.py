@@ -1,6 +1,5 @@
 """Drops and bubbles: scenes of runs/ against exact and published values at reduced size, the same on all numbers of ranks, restarts, refusals."""
 
-import csv
 import importlib.util
 import math
 import sys
@@ -8,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from conftest import ROOT
+from conftest import ROOT, read_rows
 
 sys.path.insert(0, str(ROOT / "tools"))
 import tumble  # noqa: E402
@@ -24,11 +23,7 @@ def drops(run):
     def start(scene, *options, ranks=1, folder="out"):
         result = run([RUNS / f"{scene}.yaml", "-output_dir", folder, *options], ranks)
         assert result.status == 0, str(result)
-        tables = []
-        for name in ("drops", "series"):
-            with open(result.folder / folder / f"{name}.csv") as file:
-                tables.append([{key: text if key == "group" else float(text) for key, text in row.items()} for row in csv.DictReader(file)])
-        return tables
+        return [read_rows(result.folder / folder / f"{name}.csv") for name in ("drops", "series")]
 
     return start
 

@@ -1,11 +1,10 @@
 """Drops in space: exact solutions at reduced size, the same on all numbers of ranks, restarts, refusals."""
 
-import csv
 import math
 
 import pytest
 
-from conftest import ROOT
+from conftest import ROOT, read_rows
 
 SCENE = """
 mesh: {cells: [8, 8, 8]}
@@ -25,11 +24,7 @@ def drops(run, scene):
     def start(*options, ranks=1, folder="out"):
         result = run([scene(SCENE), "-output_dir", folder, *options], ranks)
         assert result.status == 0, str(result)
-        tables = []
-        for name in ("drops", "series"):
-            with open(result.folder / folder / f"{name}.csv") as file:
-                tables.append([{key: text if key == "group" else float(text) for key, text in row.items()} for row in csv.DictReader(file)])
-        return tables
+        return [read_rows(result.folder / folder / f"{name}.csv") for name in ("drops", "series")]
 
     return start
 
@@ -60,8 +55,7 @@ def test_bubble(run):
     """The scene on 6 x 12 x 6 cells, three a diameter: a bubble that begins to rise along the axis of the box."""
     result = run([ROOT / "runs" / "bubble-rising-3d.yaml", "-output_dir", "out", "-output_every", "0", "-mesh_cells", "6,12,6", "-sim_steps", "3"])
     assert result.status == 0, str(result)
-    with open(result.folder / "out" / "drops.csv") as file:
-        rows = [{key: text if key == "group" else float(text) for key, text in row.items()} for row in csv.DictReader(file)]
+    rows = read_rows(result.folder / "out" / "drops.csv")
     assert 0.1 < rows[-1]["v"] < 0.14 and max(abs(rows[-1]["u"]), abs(rows[-1]["w"])) < 2e-5
     assert abs(rows[-1]["volume_error"]) < 1e-8 and abs(rows[-1]["x"] - 0.5) < 1e-6
 
