@@ -367,7 +367,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool drops, PetscBoo
 {
   const MeshLocal *l;
   LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
-  PromiseScene     scene    = {.gap = {none, none}, .swing = {-1, PETSC_MAX_REAL, PETSC_MAX_REAL}};
+  PromiseScene     scene    = {.gap = {none, none}, .swing = SWING_NONE};
   Replaced         replaced = {0};
   PetscInt         preset   = PROMISE_DEFAULT;
   PetscBool        given, commanded;

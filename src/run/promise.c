@@ -35,7 +35,7 @@ static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 
 static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 
 /* Cells that a body needs which is led to and fro, mostly against the inertia of the fluid, with the penalty: the force
-      on a cylinder with 6, 12, 24 cells a diameter 9.5, 2.7, .8 % off, lined up .9, .13, 0 %. The last are those of the
+   on a cylinder with 6, 12, 24 cells a diameter 9.5, 2.7, .8 % off, lined up .9, .13, 0 %. The last are those of the
    layer that swings with it, of .56, 1.1, 2.3 cells (runs/studies/boundary) */
 static const PetscReal SWINGS[3] = {9, 24, 48}, SWING_LAYER[3] = {0.3, 0.6, 1};
 /* Cells that the boundary layer of a body needs that is held in a stream (stream.h): steady, in time; with the penalty,
@@ -241,7 +241,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   if (b->group < 0 && !aligned && scene->swing.cells < SWINGS[preset])
     *b = (Breach){scene->swing.group, scene->swing.cells, SWINGS[preset], SWING};
   if (b->group < 0 && scene->swing.group >= 0 && scene->swing.layer < SWING_LAYER[preset])
-    *b = (Breach){scene->swing.group, scene->swing.layer, SWING_LAYER[preset], SWINGING_LAYER};
+    *b = (Breach){scene->swing.layer_group, scene->swing.layer, SWING_LAYER[preset], SWINGING_LAYER};
   for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
     const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
 

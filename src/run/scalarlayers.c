@@ -209,7 +209,7 @@ PetscErrorCode ScalarLayersCheck(const MeshLocal *l, Bodies bodies, PetscInt pre
 static PetscErrorCode find_remarked(ScalarLayers s, const SimComponents *p)
 {
   const MeshLocal *l;
-  PromiseScene     scene = {.steady = (PetscBool)(p->steady != NULL), .swing = {-1, PETSC_MAX_REAL, PETSC_MAX_REAL}};
+  PromiseScene     scene = {.steady = (PetscBool)(p->steady != NULL)};
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(p->mesh, &l));

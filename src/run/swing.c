@@ -51,10 +51,10 @@ static PetscErrorCode find_rate(Bodies bodies, const BodyState *s, PetscInt k, P
 PetscErrorCode SwingFind(const MeshLocal *l, Bodies bodies, Swing *swing)
 {
   BodyState *s;
-  PetscReal  end, thick, density, viscosity;
+  PetscReal  end, thick, layer, density, viscosity;
 
   PetscFunctionBeginUser;
-  *swing = (Swing){-1, PETSC_MAX_REAL, PETSC_MAX_REAL};
+  *swing = SWING_NONE;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(find_end(&end));
@@ -72,7 +72,11 @@ PetscErrorCode SwingFind(const MeshLocal *l, Bodies bodies, Swing *swing)
     PetscCall(BodiesMax(bodies, 1, &fastest));
     if (fastest == 0) continue;
     PetscCall(PromiseMeasureThickness(l, bodies, g, &thick));
-    swing->layer = PetscMin(swing->layer, PetscSqrtReal(2 * viscosity / (density * fastest)) / l->h);
+    layer = PetscSqrtReal(2 * viscosity / (density * fastest)) / l->h;
+    if (layer < swing->layer) {
+      swing->layer       = layer;
+      swing->layer_group = g;
+    }
     if (thick <= 0 || thick >= swing->cells) continue;
     swing->cells = thick;
     swing->group = g;

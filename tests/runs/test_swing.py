@@ -38,6 +38,13 @@ def test_thin_layers_and_the_penalty_are_refused(run, scene):
     assert not default.status and "group 'c' swings" in default.text, default.text
 
 
+def test_the_group_with_the_thinnest_layer_is_named(run, scene):
+    """It is not the one with the thinnest bodies."""
+    text = SCENE.replace("groups: c", "groups: [a, c]").replace("  c: {", '  a: {shape: circle, radius: 0.15, position: [0.7, 0.7], motion: oscillate, motion_amplitude: [0.01, 0], motion_period: [2, 1]}\n  c: {')
+    result = run([scene(text.replace("MOTION", SHORT), "a.yaml"), "-preset", "balanced", "-mesh_cells", "40,40", "-flow_viscosity", "0.002", "-sim_steps", "1"])
+    assert result.status and "the layer that swings with group 'c' is 0.50 cells thick and needs 0.6" in result.text, result.text
+
+
 def test_long_ways_are_no_swing(run, scene):
     """Drag is most of the force: the layer counts, not the inertia."""
     far = SHORT.replace("0.05", "0.6").replace("[1, 1]", "[12, 12]").replace("motion_amplitude: [0.6", "motion_amplitude: [1.2")
