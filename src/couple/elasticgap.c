@@ -10,6 +10,7 @@
 #include "bodies/mass.h"
 #include "fem/edge.h"
 #include "fem/element.h"
+#include "fem/side.h"
 
 #define CLAMP_REACH 2    /* cells */
 #define CLOSED      0.01 /* of a cell: a gap that contact has not kept open */
@@ -127,20 +128,20 @@ static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], 
 /* Faces of a cell in space, as check_edges */
 static PetscErrorCode check_faces(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, Gap *at, Gap *best)
 {
-  static const PetscInt STEP[3] = {1, 3, 9};
-  const PetscInt       *node    = c->loc->cell_node + cell * c->loc->nb;
-  PetscReal             xc[3 * MESH_MAX_NB];
+  const PetscInt *node = c->loc->cell_node + cell * c->loc->nb;
+  PetscReal       xc[3 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < 6; e++) {
-    const PetscInt u = STEP[(e / 2 + 1) % 3], v = STEP[(e / 2 + 2) % 3], first = 2 * (e % 2) * STEP[e / 2];
-    PetscReal      p[9][3], image[3], y[3];
-    FacePoint      near;
+  for (PetscInt side = 0; side < 6; side++) {
+    PetscReal p[9][3], image[3], y[3];
+    PetscInt  slot[SIDE_MAX];
+    FacePoint near;
 
-    at->other = on[node[first + u + v]]; /* the middle of a face is on one boundary alone */
+    SideList(3, side, slot);
+    at->other = on[node[slot[4]]]; /* the middle of a face is on one boundary alone */
     if (at->other < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-    for (PetscInt j = 0; j < 27; j++) p[j / 3][j % 3] = xc[3 * (first + j / 3 % 3 * u + j / 9 * v) + j % 3];
+    for (PetscInt j = 0; j < 27; j++) p[j / 3][j % 3] = xc[3 * slot[j / 3] + j % 3];
     for (PetscInt a = 0; a < 3; a++) image[a] = p[4][a] + MeshNearest(c->loc, a, at->x[a] - p[4][a]);
     FaceNearest(3, p, image, &near);
     if (!is_narrower(near.distance, size, best)) continue;

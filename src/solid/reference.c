@@ -5,6 +5,7 @@
 #include "base/algebra.h"
 #include "fem/element.h"
 #include "fem/gauss.h"
+#include "fem/side.h"
 #include "mesh/mesh.h"
 #include "shape/host.h"
 #include "space.h"
@@ -161,22 +162,36 @@ static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *min)
   }
 }
 
-/* Edges that one cell alone has, in the plane */
-static PetscErrorCode find_sides(SolidMesh *m)
+/* Nodes of side k of a cell: in the plane one after the other around it, in space their normal outwards */
+static void list_side(PetscInt dim, PetscInt k, PetscInt slot[SIDE_MAX])
 {
   static const PetscInt EDGE[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}};
-  PetscInt             *cells;
+
+  if (dim == 3) SideListOutward(k, slot);
+  else
+    for (PetscInt j = 0; j < 3; j++) slot[j] = EDGE[k][j];
+}
+
+/* Sides that one cell alone has: their middle nodes belong to it alone */
+static PetscErrorCode find_sides(SolidMesh *m)
+{
+  const PetscInt ns = 2 * m->dim, nb = m->dim == 2 ? 3 : 9, middle = nb / 2;
+  PetscInt      *cells, slot[6][SIDE_MAX];
 
   PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < ns; k++) list_side(m->dim, k, slot[k]);
   PetscCall(PetscCalloc1(m->nnode, &cells));
-  for (PetscInt e = 0; e < m->ncell * 4; e++) cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]]++;
-  for (PetscInt e = 0; e < m->ncell * 4; e++) m->nside += cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]] == 1;
-  m->nb_side = 3;
-  PetscCall(PetscMalloc1(3 * m->nside, &m->side));
+  for (PetscInt e = 0; e < m->ncell * ns; e++) cells[m->cell_node[e / ns * m->nb + slot[e % ns][middle]]]++;
+  for (PetscInt e = 0; e < m->ncell * ns; e++)
+    m->nside += cells[m->cell_node[e / ns * m->nb + slot[e % ns][middle]]] == 1;
+  m->nb_side = nb;
+  PetscCall(PetscMalloc1(nb * m->nside, &m->side));
   m->nside = 0;
-  for (PetscInt e = 0; e < m->ncell * 4; e++) {
-    if (cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]] != 1) continue;
-    for (PetscInt j = 0; j < 3; j++) m->side[3 * m->nside + j] = m->cell_node[e / 4 * m->nb + EDGE[e % 4][j]];
+  for (PetscInt e = 0; e < m->ncell * ns; e++) {
+    const PetscInt *node = m->cell_node + e / ns * m->nb;
+
+    if (cells[node[slot[e % ns][middle]]] != 1) continue;
+    for (PetscInt j = 0; j < nb; j++) m->side[nb * m->nside + j] = node[slot[e % ns][j]];
     m->nside++;
   }
   PetscCall(PetscFree(cells));
@@ -203,8 +218,7 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
     for (PetscInt a = 0; a < dim; a++) r += PetscSqr(X[dim * i + a]);
     m->radius = PetscMax(m->radius, PetscSqrtReal(r));
   }
-  if (dim == 2) PetscCall(find_sides(m));
-  else PetscCall(SolidFindFaces(m));
+  PetscCall(find_sides(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

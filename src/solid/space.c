@@ -2,29 +2,6 @@
 #include "compat.h"
 #include "space.h"
 #include "base/algebra.h"
-#include "fem/side.h"
-
-PetscErrorCode SolidFindFaces(SolidMesh *m)
-{
-  PetscInt *cells, face[6][SIDE_MAX];
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 6; i++) SideListOutward(i, face[i]);
-  PetscCall(PetscCalloc1(m->nnode, &cells));
-  m->nside   = 0;
-  m->nb_side = 9;
-  for (PetscInt e = 0; e < m->ncell * 6; e++) cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]]++;
-  for (PetscInt e = 0; e < m->ncell * 6; e++) m->nside += cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]] == 1;
-  PetscCall(PetscMalloc1(9 * m->nside, &m->side));
-  m->nside = 0;
-  for (PetscInt e = 0; e < m->ncell * 6; e++) {
-    if (cells[m->cell_node[e / 6 * m->nb + face[e % 6][4]]] != 1) continue;
-    for (PetscInt j = 0; j < 9; j++) m->side[9 * m->nside + j] = m->cell_node[e / 6 * m->nb + face[e % 6][j]];
-    m->nside++;
-  }
-  PetscCall(PetscFree(cells));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Largest eigenvalue of F^T F, by the angle of its invariants (Smith 1961) */
 static PetscReal largest_square(const PetscReal F[9])

@@ -1,10 +1,8 @@
-/* What solids in space have of their own: faces of the surface, a layer of cells on it, principal stretches. For files
-   of this room. */
+/* What solids in space have of their own: a layer of cells on the surface, principal stretches. For files of this
+   room. */
 #pragma once
 #include "solid/reference.h"
 
-/* m->side, m->nside, m->nb_side of cells in space: faces that one cell alone has. */
-PetscErrorCode SolidFindFaces(SolidMesh *);
 /* Cells with two or three faces on a smooth surface are flat there: a mesh that has such cells moves back from the
    surface, and gets a layer of cells with one face on it each; vertices inside are smoothed. The nodes X [*nnode][3]
    and cells [*ncell][27] of that mesh, the caller's to free (PetscFree2); *ncell 0: it stays as it is. */
