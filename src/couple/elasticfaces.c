@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "elasticfaces.h"
 #include "base/algebra.h"
+#include "fem/element.h"
 
 #define BULGE 1.2 /* a face lies in so many times the ball about its middle that holds its nodes */
 
@@ -80,16 +81,12 @@ void ElasticFacesSet(ElasticFaces b, const PetscReal x[])
 /* Normal of all faces that meet at a place, on an edge or at a node of the face: between nodes in parts */
 static void mean_normal(const struct _p_ElasticFaces *b, const PetscInt node[9], const FacePoint *at, PetscReal n[3])
 {
-  PetscReal v[2][3];
+  PetscReal phi[9], dphi[18];
 
-  for (PetscInt k = 0; k < 2; k++) {
-    v[k][0] = 0.5 * at->s[k] * (at->s[k] - 1);
-    v[k][1] = 1 - at->s[k] * at->s[k];
-    v[k][2] = 0.5 * at->s[k] * (at->s[k] + 1);
-  }
+  ElementBasis(2, at->s, phi, dphi);
   for (PetscInt a = 0; a < 3; a++) {
     n[a] = 0;
-    for (PetscInt j = 0; j < 9; j++) n[a] += v[0][j % 3] * v[1][j / 3] * b->normal[3 * node[j] + a];
+    for (PetscInt j = 0; j < 9; j++) n[a] += phi[j] * b->normal[3 * node[j] + a];
   }
 }
 

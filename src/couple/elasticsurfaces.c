@@ -308,18 +308,17 @@ PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const P
 PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[], PetscInt node[ELASTIC_SIDE],
                                        PetscReal weight[ELASTIC_SIDE])
 {
-  PetscReal y[2], t, far2, v[2][3], slope[3];
-
   PetscFunctionBeginUser;
   if (b->faces) {
     FacePoint       at;
     const PetscInt *face;
+    PetscReal       slope[18];
 
     (void)ElasticFacesNearest(b->faces, k, x, &at, &face);
     PetscCall(PetscArraycpy(node, face, 9));
-    for (PetscInt i = 0; i < 2; i++) ElementLine(at.s[i], v[i], slope);
-    for (PetscInt j = 0; j < 9; j++) weight[j] = v[0][j % 3] * v[1][j / 3];
+    ElementBasis(2, at.s, weight, slope);
   } else {
+    PetscReal      y[2], t, far2, slope[3];
     const PetscInt e = find_edge(b, k, x, y, &t, &far2);
 
     PetscCall(PetscArraycpy(node, b->side[e].node, 3));
