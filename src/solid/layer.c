@@ -12,6 +12,8 @@
 #define SWEEPS    6
 #define WEIGHT    0.5 /* of the mean of its neighbours, in a sweep */
 
+static const PetscInt STEP[3] = {1, 3, 9}; /* from a node of a cell to the next */
+
 typedef struct {
   PetscInt   nnode, ncell;
   PetscReal *X;                /* [nnode][3] */
@@ -98,8 +100,7 @@ static PetscErrorCode create_layered(const SolidMesh *m, Layered *l)
 /* Vertices inside go towards the mean of their neighbours */
 static PetscErrorCode smooth_vertices(Layered *l)
 {
-  static const PetscInt STEP[3] = {1, 3, 9};
-  PetscReal            *sum, *count;
+  PetscReal *sum, *count;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(3 * l->nnode, &sum, l->nnode, &count));
@@ -127,8 +128,6 @@ static PetscErrorCode smooth_vertices(Layered *l)
 /* Nodes between vertices, but for those outside: edges, then faces and middles by transfinite interpolation */
 static void place_between(Layered *l)
 {
-  static const PetscInt STEP[3] = {1, 3, 9};
-
   for (PetscInt order = 1; order <= 3; order++)
     for (PetscInt e = 0; e < 27 * l->ncell; e++) {
       const PetscInt at[3] = {e % 3, e % 27 / 3 % 3, e % 27 / 9}, i = l->cell_node[e];
@@ -164,14 +163,12 @@ PetscErrorCode SolidAddLayer(const SolidMesh *m, PetscInt *nnode, PetscReal **X,
   PetscCall(create_layered(m, &l));
   PetscCall(smooth_vertices(&l));
   place_between(&l);
-  if (find_quality(l.ncell, l.cell_node, l.X) > quality) {
-    *nnode = l.nnode;
-    *ncell = l.ncell;
-    PetscCall(PetscMalloc2(3 * l.nnode, X, 27 * l.ncell, cell_node));
-    PetscCall(PetscArraycpy(*X, l.X, 3 * l.nnode));
-    PetscCall(PetscArraycpy(*cell_node, l.cell_node, 27 * l.ncell));
-  }
-  PetscCall(PetscFree2(l.X, l.cell_node));
   PetscCall(PetscFree2(l.vertex, l.outside));
+  if (find_quality(l.ncell, l.cell_node, l.X) > quality) {
+    *nnode     = l.nnode;
+    *X         = l.X;
+    *ncell     = l.ncell;
+    *cell_node = l.cell_node;
+  } else PetscCall(PetscFree2(l.X, l.cell_node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
