@@ -9,9 +9,9 @@
 #include "fem/element.h"
 
 #define AWAY 2 /* cells */
-#define COMPLIANT \
-  3 /* stress of solids over that of the fluid in a step: so much the solver takes without a block; immersed
-                  alone (runs/studies/elastic) */
+/* Stress of immersed solids over that of the fluid in a step: so much the solver takes without a block
+   (runs/studies/elastic) */
+#define COMPLIANT 3
 
 /* Numbers of a step that cells of a solid need */
 typedef struct {

@@ -10,14 +10,22 @@
 
 /* ---- which ---- */
 
+/* Is there an unknown velocity in own slot i, of a node? */
+static PetscBool has_unknown(FlowSolver fs, PetscInt i)
+{
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  const PetscInt        node = i / fs->loc->dim;
+
+  return (PetscBool)(!c->fixed[node] && c->node_body[node] < 0 && fs->weight[i] > 0);
+}
+
 /* at [nnode_all]: 1 at nodes of the block; own slots of u_r in `list`. Nodes that are tied to a rigid body are among
    them, as their velocity beside it is unknown. */
 static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, PetscInt list[])
 {
-  const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const PetscInt        dim = fs->loc->dim;
-  PetscInt              start;
-  PetscBool            *marked;
+  const PetscInt dim = fs->loc->dim;
+  PetscInt       start;
+  PetscBool     *marked;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
@@ -25,8 +33,8 @@ static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, Pet
   PetscCall(FlowMarkOperators(fs->flow, marked));
   *n = 0;
   for (PetscInt i = 0; i < fs->loc->nnode; i++) {
-    at[i] = marked[i] && !c->fixed[i] && c->node_body[i] < 0;
-    for (PetscInt a = 0; a < dim; a++) at[i] = at[i] != 0 && fs->weight[i * dim + a] > 0;
+    at[i] = marked[i];
+    for (PetscInt a = 0; a < dim; a++) at[i] = at[i] != 0 && has_unknown(fs, i * dim + a);
     for (PetscInt a = 0; a < dim && at[i] != 0; a++) list[(*n)++] = start + i * dim + a;
   }
   PetscCall(PetscFree(marked));
@@ -42,15 +50,6 @@ static PetscBool is_foreign(FlowSolver fs, PetscInt i)
   const PetscInt        k = c->relative[i];
 
   return (PetscBool)(k >= 0 && ConstraintHasUnknown(c, k) && fs->solid->with[k] == 0);
-}
-
-/* Is there an unknown velocity in own slot i, of a node? */
-static PetscBool has_unknown(FlowSolver fs, PetscInt i)
-{
-  const ConstraintView *c    = ConstraintGetView(fs->constraint);
-  const PetscInt        node = i / fs->loc->dim;
-
-  return (PetscBool)(!c->fixed[node] && c->node_body[node] < 0 && fs->weight[i] > 0);
 }
 
 /* Own pressures of the cells that have a node in the block, own slots of their nodes and of all of the block */
