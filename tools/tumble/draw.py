@@ -227,13 +227,18 @@ def plane_bodies(run, shot):
     return add_images(outlines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot)) if outlines and shot.has_mesh else outlines
 
 
+def parabolas(n):
+    """The quadratic basis [n][3] of nodes at -1, 0, 1 at n places from -1 to 1."""
+    place = np.linspace(-1, 1, n)
+    return np.stack([place * (place - 1) / 2, 1 - place**2, place * (place + 1) / 2], 1)
+
+
 def find_drops(run, shot):
     """Closed lines [n][2] of the interface of drops in a plane run, parabolas on each edge, with their images across periodic boundaries."""
     drops, lines = shot.drops, []
     if "edge" not in drops:
         return []
-    place = np.linspace(-1, 1, 9)[:-1]
-    shape = np.stack([place * (place - 1) / 2, place * (place + 1) / 2, 1 - place**2], 1)  # of the ends and the middle
+    shape = parabolas(9)[:-1, [0, 2, 1]]  # of the ends and the middle
     points = np.einsum("kj,ejx->ekx", shape, drops["coordinates"][drops["edge"]][:, :, :2])
     for curve in np.unique(drops["curve"]):
         line = points[drops["curve"] == curve].reshape(-1, 2)
@@ -248,9 +253,7 @@ def find_solids(run, shot):
         return []
     edges = np.concatenate([solids["cells"][:, [i, (i + 1) % 4, 4 + i]] for i in range(4)])
     _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)  # those of one cell alone, by their middles
-    place = np.linspace(-1, 1, 9)
-    shape = np.stack([place * (place - 1) / 2, place * (place + 1) / 2, 1 - place**2], 1)
-    points = np.einsum("kj,ejx->ekx", shape, solids["coordinates"][edges[first[count == 1]]][:, :, :2])
+    points = np.einsum("kj,ejx->ekx", parabolas(9)[:, [0, 2, 1]], solids["coordinates"][edges[first[count == 1]]][:, :, :2])
     lines = [(0, line, None) for line in points]
     return [line for _, line, _ in add_images(lines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot))]
 
@@ -266,8 +269,7 @@ def drop_triangles(shot):
     if "face" not in drops:
         return None
     lattice = drops["face"][:, [0, 4, 1, 7, 8, 5, 3, 6, 2]]  # corners, middles of sides and middle as rows of three
-    place = np.linspace(-1, 1, 5)
-    line = np.stack([place * (place - 1) / 2, 1 - place**2, place * (place + 1) / 2], 1)
+    line = parabolas(5)
     shape = np.einsum("ti,sj->tsij", line, line).reshape(25, 9)
     points = np.einsum("kj,ejx->ekx", shape, drops["coordinates"][lattice])
     corner = np.array([5 * t + s for t in range(4) for s in range(4)])[:, None]
