@@ -37,13 +37,11 @@ static void deform(SolidsState *s, const PetscReal F[9])
 /* Flux of x/3 through a solid's faces: its volume */
 static PetscReal flux(const SolidMesh *m, const PetscReal x[])
 {
-  static const PetscReal POINT[3]  = {-0.7745966692414834, 0, 0.7745966692414834},
-                         WEIGHT[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  PetscReal sum                    = 0;
+  PetscReal sum = 0;
 
   for (PetscInt f = 0; f < m->nside; f++)
     for (PetscInt q = 0; q < 9; q++) {
-      const PetscReal xi[2] = {POINT[q % 3], POINT[q / 3]};
+      const PetscReal xi[2] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3]};
       PetscReal       phi[9], dphi[18], at[3] = {0}, t[2][3] = {{0}}, n[3];
 
       ElementBasis(2, xi, phi, dphi);
@@ -55,7 +53,7 @@ static PetscReal flux(const SolidMesh *m, const PetscReal x[])
           for (PetscInt e = 0; e < 2; e++) t[e][a] += dphi[9 * e + j] * v;
         }
       cross(t[0], t[1], n);
-      sum += WEIGHT[q % 3] * WEIGHT[q / 3] * dot3(at, n) / 3;
+      sum += GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3] * dot3(at, n) / 3;
     }
   return sum;
 }
