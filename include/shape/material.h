@@ -29,6 +29,12 @@ PetscErrorCode ParticleCreateShape(const char group[], PetscInt dim, Shape *shap
 PetscErrorCode ParticleReadPosition(const char group[], const char what[], PetscInt dim, PetscReal x[],
                                     PetscReal *angle);
 
+/* How the particles of a group are turned in space: -particle_<group>_quaternion q, then by their angle about
+   -particle_<group>_axis, which is made one of length 1. Both hold what counts without the options. has_axis, has_q may be
+   NULL. Errors: zeros. */
+PetscErrorCode ParticleReadTurn(const char group[], PetscReal axis[3], PetscBool *has_axis, PetscReal q[4],
+                                PetscBool *has_q);
+
 /* Particles placed so far, [n], for groups that are to keep clear of them */
 typedef struct {
   PetscInt n, capacity;

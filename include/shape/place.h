@@ -16,6 +16,20 @@ typedef struct {
   PetscBool turned;
 } Placement;
 
+/* -particle_<group>_place */
+enum {
+  PLACE_SINGLE,
+  PLACE_LATTICE,
+  PLACE_RANDOM,
+  PLACE_TABLE,
+  PLACE_PACK
+};
+static const char *const PLACE_NAMES[] = {"single", "lattice", "random", "table", "pack", NULL};
+
+/* q of a body in space: its own or this one, turned by its angle about its own axis or this one, of length 1.
+   Afterwards it is `turned`. */
+void PlaceTurn(const PetscReal axis[3], const PetscReal q[4], Placement *);
+
 /* Uniform in [0, 1): the next number of a sequence, the same on every machine; the start of a sequence of its own for
    each `stream` of a seed. */
 PetscReal  PlaceUniform(PetscInt64 *state);

@@ -29,15 +29,6 @@ typedef struct {
   PetscInt   n, *number;
 } Start;
 
-enum {
-  PLACE_SINGLE,
-  PLACE_LATTICE,
-  PLACE_RANDOM,
-  PLACE_TABLE,
-  PLACE_PACK
-};
-static const char *const place_names[] = {"single", "lattice", "random", "table", "pack", NULL};
-
 /* ---- options of one group ---- */
 
 static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscBool held, PetscInt *bits)
@@ -174,41 +165,20 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Orientation of a body in space whose line of the table has an axis or a quaternion, else that of the group */
-static PetscErrorCode orient_body(const BodyGroup *g, const PetscReal q[4], Placement *p)
-{
-  PetscReal axis[3];
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(axis, g->motion.axis, 3));
-  for (PetscInt a = 0; a < 3 && p->has_axis; a++) axis[a] = p->axis[a] / PetscSqrtReal(dot3(p->axis, p->axis));
-  if (!p->has_quaternion) PetscCall(PetscArraycpy(p->q, q, 4));
-  RotationAdvance(p->angle, axis, p->q); /* makes it a unit quaternion, too */
-  p->turned = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
    hinge, or z); a table may give each body its own */
 static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, PetscInt n, Placement body[])
 {
-  PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
+  PetscReal q[4] = {1, 0, 0, 0};
   PetscBool has_axis, has_q;
-  char      name[OPT_NAME];
 
   PetscFunctionBeginUser;
   if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_axis", name), 3, axis, &has_axis));
-  length = PetscSqrtReal(dot3(axis, axis));
-  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero",
-             name);
+  PetscCall(PetscArraycpy(g->motion.axis, g->motion.hinge, 3));
+  PetscCall(ParticleReadTurn(g->name, g->motion.axis, &has_axis, q, &has_q));
   PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion",
-             name, g->name, g->name);
-  for (PetscInt a = 0; a < 3; a++) g->motion.axis[a] = axis[a] / length;
-  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
-  PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
+             "-particle_%s_axis: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion",
+             g->name, g->name, g->name);
   for (PetscInt i = 0; i < n; i++) {
     const PetscBool own = (PetscBool)(body[i].has_axis || body[i].has_quaternion);
 
@@ -217,7 +187,7 @@ static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, PetscInt n, Plac
                "bodies by q_w, q_x, q_y, q_z",
                g->name);
     if (body[i].turned) continue; /* at random */
-    if (own || has_axis || has_q || g->motion.has_hinge) PetscCall(orient_body(g, q, body + i));
+    if (own || has_axis || has_q || g->motion.has_hinge) PlaceTurn(g->motion.axis, q, body + i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -227,7 +197,7 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), place_names, &s->place));
+  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACE_NAMES, &s->place));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_position", name), dim, s->base.x, &s->has_position));
   PetscCall(OptHas(OptJoin("-particle_", group, "_count", name), &s->has_count));
   PetscCall(OptInt(name, &s->count));
@@ -253,7 +223,7 @@ static PetscErrorCode check_density(const BodyGroup *g, const Start *s)
 
 static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 {
-  const char *place = place_names[s->place], *group = g->name;
+  const char *place = PLACE_NAMES[s->place], *group = g->name;
 
   PetscFunctionBeginUser;
   if (s->place != PLACE_TABLE) PetscCall(check_density(g, s));

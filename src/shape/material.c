@@ -1,6 +1,7 @@
 /* What the particles of a group are made of. See include/shape/material.h. */
 #include "compat.h"
 #include "shape/material.h"
+#include "base/algebra.h"
 #include "base/array.h"
 #include "base/opt.h"
 
@@ -50,32 +51,40 @@ PetscErrorCode ParticleCreateShape(const char group[], PetscInt dim, Shape *shap
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const char *const PLACES[] = {"single", "lattice", "random", "table", "pack", NULL};
-
-enum {
-  SINGLE,
-  LATTICE,
-  RANDOM,
-  TABLE,
-  PACK
-};
-
 PetscErrorCode ParticleReadPosition(const char group[], const char what[], PetscInt dim, PetscReal x[],
                                     PetscReal *angle)
 {
   char      name[OPT_NAME];
-  PetscInt  place = SINGLE;
+  PetscInt  place = PLACE_SINGLE;
   PetscBool found;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACES, &place));
-  PetscCheck(place == SINGLE, PETSC_COMM_SELF, PETSC_ERR_SUP,
+  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACE_NAMES, &place));
+  PetscCheck(place == PLACE_SINGLE, PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s %s: %s are placed one a group, at -particle_%s_position: remove it, or give each its own group", name,
-             PLACES[place], what, group);
+             PLACE_NAMES[place], what, group);
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_position", name), dim, x, &found));
   PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give %s", group, name);
   *angle = 0;
   PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), angle));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ParticleReadTurn(const char group[], PetscReal axis[3], PetscBool *has_axis, PetscReal q[4],
+                                PetscBool *has_q)
+{
+  char      name[OPT_NAME];
+  PetscReal length;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_axis", name), 3, axis, has_axis));
+  length = PetscSqrtReal(dot3(axis, axis));
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero",
+             name);
+  for (PetscInt a = 0; a < 3; a++) axis[a] /= length;
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_quaternion", name), 4, q, has_q));
+  PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,23 +148,23 @@ PetscErrorCode ParticleReadPlacements(const char group[], const char what[], Pet
                                       PetscInt *n, Placement **p)
 {
   char      name[OPT_NAME];
-  PetscInt  place = SINGLE;
+  PetscInt  place = PLACE_SINGLE;
   Placement base  = {.scale = 1, .density = 1};
   PlaceBox  box   = {.name = group, .dim = dim, .lower = lower, .upper = upper, .radius = radius};
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACES, &place));
-  PetscCheck(place != PACK, PETSC_COMM_SELF, PETSC_ERR_SUP,
+  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACE_NAMES, &place));
+  PetscCheck(place != PLACE_PACK, PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s pack is for rigid bodies, not %s: use lattice or random", name, what);
-  if (place == SINGLE) {
+  if (place == PLACE_SINGLE) {
     PetscCall(PetscMalloc1(1, p));
     **p = base;
     *n  = 1;
     PetscCall(ParticleReadPosition(group, what, dim, (*p)->x, &(*p)->angle));
   } else {
     PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &base.angle));
-    if (place == TABLE) PetscCall(read_table(group, dim, &base, n, p));
-    else PetscCall(place_many(group, (PetscBool)(place == RANDOM), &box, &base, placed, n, p));
+    if (place == PLACE_TABLE) PetscCall(read_table(group, dim, &base, n, p));
+    else PetscCall(place_many(group, (PetscBool)(place == PLACE_RANDOM), &box, &base, placed, n, p));
   }
   PetscCall(ArrayReserve(placed->n + *n, &placed->capacity, &placed->x, sizeof(*placed->x), &placed->radius,
                          sizeof(*placed->radius), NULL));

@@ -6,11 +6,23 @@
    shapes: bodies are kept apart by their bounding radius. */
 #include "compat.h"
 #include "shape/place.h"
+#include "base/algebra.h"
 #include "base/csv.h"
 #include "base/grid.h"
 #include "base/mix.h"
 
 #define MAX_TRIES 20000 /* darts for one body before the box counts as full */
+
+void PlaceTurn(const PetscReal axis[3], const PetscReal q[4], Placement *p)
+{
+  PetscReal about[3];
+
+  for (PetscInt a = 0; a < 3; a++)
+    about[a] = p->has_axis ? p->axis[a] / PetscSqrtReal(dot3(p->axis, p->axis)) : axis[a];
+  for (PetscInt i = 0; i < 4 && !p->has_quaternion; i++) p->q[i] = q[i];
+  RotationAdvance(p->angle, about, p->q); /* makes it a unit quaternion, too */
+  p->turned = PETSC_TRUE;
+}
 
 /* ---- lattice ---- */
 

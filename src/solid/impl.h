@@ -19,10 +19,6 @@ struct _p_Solids {
   SolidNewton *newton; /* [n] NULL: none so far */
 };
 
-/* Where the solids of a group start, clear of those before (place random), and how many there are: g->count. *place is
-   the caller's to free. */
-PetscErrorCode SolidGroupReadPlacements(SolidGroup *, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                                        ParticlesPlaced *, Placement **place);
-/* Nodes X [count][mesh.nnode][dim] of the solids of a group there. */
+/* Nodes X [count][mesh.nnode][dim] of the solids of a group that start there. */
 PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, const Placement place[], PetscReal X[]);
 PetscErrorCode SolidNewtonDestroy(Solids);

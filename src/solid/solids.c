@@ -209,7 +209,8 @@ static PetscErrorCode create_groups(Solids b, PetscReal size, const PetscReal lo
 
     PetscCall(read_material(g));
     PetscCall(create_mesh(g, s->dim, size));
-    PetscCall(SolidGroupReadPlacements(g, s->dim, lower, upper, &placed, &place[i]));
+    PetscCall(ParticleReadPlacements(g->name, "elastic particles", s->dim, g->mesh.radius, lower, upper, &placed,
+                                     &g->count, &place[i]));
     g->first = s->n;
     s->n += g->count;
   }
