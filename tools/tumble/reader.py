@@ -352,21 +352,21 @@ class Snapshot:
 
         In space faces in place of edges: face [faces][9] (corners, middles of sides, middle).
         """
-        path = self._path.with_name(f"drops_{self.step}.h5") if self._path and "phase" in self.names else None
-        if not path or not path.exists():
-            return {}
-        with self._h5py.File(path) as file:
-            return {name: values[:] if name in ("coordinates", "edge", "face") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
+        return self._read_beside("drops", flat=("drop", "group", "curve")) if "phase" in self.names else {}
 
     @functools.cached_property
     def solids(self) -> dict[str, np.ndarray]:
         """Elastic particles at this time: coordinates, displacement, velocity [nodes][3], cells [cells][9 or 27] (order of VTK), solid, J [cells], stress [cells][6] (xx, yy,
         zz, xy, xz, yz); {} without."""
-        path = self._path.with_name(f"solid_{self.step}.h5") if self._path else None
+        return self._read_beside("solid", flat=("solid", "J"))
+
+    def _read_beside(self, kind, flat):
+        """Arrays of <kind>_<step>.h5, which lies beside the fields, the `flat` ones as [n]; {} where there is no such file."""
+        path = self._path.with_name(f"{kind}_{self.step}.h5") if self._path else None
         if not path or not path.exists():
             return {}
         with self._h5py.File(path) as file:
-            return {name: np.ravel(values[:]) if name in ("solid", "J") else values[:] for name, values in file.items() if name != "time"}
+            return {name: np.ravel(values[:]) if name in flat else values[:] for name, values in file.items() if name != "time"}
 
     def pyvista(self, what: str = "fields"):
         """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds" and "drops": lines (drops in space: faces), as pyvista.PolyData.
