@@ -30,16 +30,10 @@ PetscErrorCode ParticleReadPosition(const char group[], const char what[], Petsc
                                     PetscReal *angle);
 
 /* How the particles of a group are turned in space: -particle_<group>_quaternion q, then by their angle about
-   -particle_<group>_axis, which is made one of length 1. Both hold what counts without the options. has_axis, has_q may be
-   NULL. Errors: zeros. */
+   -particle_<group>_axis, which is made one of length 1. Both hold what counts without the options. has_axis, has_q may
+   be NULL. Errors: zeros. */
 PetscErrorCode ParticleReadTurn(const char group[], PetscReal axis[3], PetscBool *has_axis, PetscReal q[4],
                                 PetscBool *has_q);
-
-/* Particles placed so far, [n], for groups that are to keep clear of them */
-typedef struct {
-  PetscInt n, capacity;
-  PetscReal (*x)[3], *radius;
-} ParticlesPlaced;
 
 /* Where all particles of a group start, whose shape has this bounding radius, as -particle_<group>_place says: single,
    lattice, random or table; lower, upper [3] of the domain. They are added to `placed`. *p [*n] is the caller's to
@@ -47,4 +41,3 @@ typedef struct {
 PetscErrorCode ParticleReadPlacements(const char group[], const char what[], PetscInt dim, PetscReal radius,
                                       const PetscReal lower[3], const PetscReal upper[3], ParticlesPlaced *placed,
                                       PetscInt *n, Placement **p);
-PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *);

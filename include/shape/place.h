@@ -35,6 +35,16 @@ void PlaceTurn(const PetscReal axis[3], const PetscReal q[4], Placement *);
 PetscReal  PlaceUniform(PetscInt64 *state);
 PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
 
+/* Particles placed so far, [n], for groups that are to keep clear of them */
+typedef struct {
+  PetscInt n, capacity;
+  PetscReal (*x)[3], *radius;
+} ParticlesPlaced;
+
+/* count more, of this bounding radius times p[i].scale. Not collective. */
+PetscErrorCode ParticlesPlacedAdd(ParticlesPlaced *, PetscReal radius, PetscInt count, const Placement p[]);
+PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *);
+
 /* Where bodies of a group go: inside lower .. upper, of bounding radius `radius` (random: times p[i].scale), `margin`
    apart from each other */
 typedef struct {
@@ -46,13 +56,12 @@ typedef struct {
 
 /* Both place `count` bodies. Not collective, same result on every rank. Error: they do not fit. Lattice: rows along x,
    one cell of the box for each body, as even as possible in all directions, n [3] of them; a last row that is not full
-   is spread over the width. OnLattice: x of body i. Random: dart throwing that also keeps clear of the n bodies
-   (other_x, other_radius) placed before; the sequence depends on seed alone, not on the machine. The error names the
-   share of the box that was filled; dart throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
+   is spread over the width. OnLattice: x of body i. Random: dart throwing that also keeps clear of those placed before;
+   the sequence depends on seed alone, not on the machine. The error names the share of the box that was filled; dart
+   throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
 PetscErrorCode PlaceLattice(const PlaceBox *, PetscInt count, PetscInt n[3]);
 void           PlaceOnLattice(const PlaceBox *, const PetscInt n[3], PetscInt count, PetscInt i, PetscReal x[3]);
-PetscErrorCode PlaceRandom(const PlaceBox *, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
-                           const PetscReal other_radius[], PetscInt count, Placement p[]);
+PetscErrorCode PlaceRandom(const PlaceBox *, PetscInt seed, const ParticlesPlaced *, PetscInt count, Placement p[]);
 
 /* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in
    3D), omega [rad/s, about z], size or radius, density, and in 3D axis_x .. axis_z (that of the angle) and q_w .. q_z

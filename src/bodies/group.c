@@ -452,15 +452,12 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodySubdomain
 /* Random groups come last, one after the other, and keep clear of everything placed before. */
 static PetscErrorCode start_random(BodyArrays *s, Start start[])
 {
-  PetscReal(*x)[3], *radius;
-  PetscInt n = 0;
+  ParticlesPlaced placed = {.n = 0};
+  PetscInt        n      = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->ngroups; g++) n += start[g].place == PLACE_RANDOM;
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
-  n = 0;
-  PetscCall(PetscMalloc1(s->nall, &x));
-  PetscCall(PetscMalloc1(s->nall, &radius));
   for (PetscInt pass = 0; pass < 2; pass++)
     for (PetscInt g = 0; g < s->ngroups; g++) {
       const BodyGroup *group = &s->group[g];
@@ -469,14 +466,10 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
       if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
       if (pass)
         PetscCall(PlaceRandom(&(PlaceBox){group->name, s->dim, t->lower, t->upper, group->radius, t->margin}, t->seed,
-                              n, x, radius, group->count, t->body));
-      for (PetscInt i = 0; i < group->count; i++, n++) {
-        PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
-        radius[n] = group->radius * t->body[i].scale;
-      }
+                              &placed, group->count, t->body));
+      PetscCall(ParticlesPlacedAdd(&placed, group->radius, group->count, t->body));
     }
-  PetscCall(PetscFree(x));
-  PetscCall(PetscFree(radius));
+  PetscCall(ParticlesPlacedDestroy(&placed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

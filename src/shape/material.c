@@ -2,7 +2,6 @@
 #include "compat.h"
 #include "shape/material.h"
 #include "base/algebra.h"
-#include "base/array.h"
 #include "base/opt.h"
 
 #define MAX_GROUPS 257
@@ -138,7 +137,7 @@ static PetscErrorCode place_many(const char group[], PetscBool random, PlaceBox 
   box->upper = upper;
   PetscCall(PetscMalloc1(*n, p));
   for (PetscInt i = 0; i < *n; i++) (*p)[i] = *base;
-  if (random) PetscCall(PlaceRandom(box, seed, placed->n, placed->x, placed->radius, *n, *p));
+  if (random) PetscCall(PlaceRandom(box, seed, placed, *n, *p));
   else PetscCall(place_on_lattice(box, *n, *p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -166,20 +165,6 @@ PetscErrorCode ParticleReadPlacements(const char group[], const char what[], Pet
     if (place == PLACE_TABLE) PetscCall(read_table(group, dim, &base, n, p));
     else PetscCall(place_many(group, (PetscBool)(place == PLACE_RANDOM), &box, &base, placed, n, p));
   }
-  PetscCall(ArrayReserve(placed->n + *n, &placed->capacity, &placed->x, sizeof(*placed->x), &placed->radius,
-                         sizeof(*placed->radius), NULL));
-  for (PetscInt i = 0; i < *n; i++, placed->n++) {
-    PetscCall(PetscArraycpy(placed->x[placed->n], (*p)[i].x, 3));
-    placed->radius[placed->n] = radius;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *placed)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscFree(placed->x));
-  PetscCall(PetscFree(placed->radius));
-  placed->n = placed->capacity = 0;
+  PetscCall(ParticlesPlacedAdd(placed, radius, *n, *p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "shape/place.h"
 #include "base/algebra.h"
+#include "base/array.h"
 #include "base/csv.h"
 #include "base/grid.h"
 #include "base/mix.h"
@@ -80,6 +81,27 @@ void PlaceOnLattice(const PlaceBox *in, const PetscInt n[3], PetscInt count, Pet
 
 /* ---- random ---- */
 
+PetscErrorCode ParticlesPlacedAdd(ParticlesPlaced *placed, PetscReal radius, PetscInt count, const Placement p[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(placed->n + count, &placed->capacity, &placed->x, sizeof(*placed->x), &placed->radius,
+                         sizeof(*placed->radius), NULL));
+  for (PetscInt i = 0; i < count; i++, placed->n++) {
+    PetscCall(PetscArraycpy(placed->x[placed->n], p[i].x, 3));
+    placed->radius[placed->n] = radius * p[i].scale;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ParticlesPlacedDestroy(ParticlesPlaced *placed)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(placed->x));
+  PetscCall(PetscFree(placed->radius));
+  placed->n = placed->capacity = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* splitmix64 (Steele, Lea, Flood 2014): uniform in [0, 1), the same on every machine */
 PetscReal PlaceUniform(PetscInt64 *state)
 {
@@ -149,9 +171,10 @@ static PetscErrorCode sort_by_size(PetscInt count, const Placement p[], PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceRandom(const PlaceBox *in, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
-                           const PetscReal other_radius[], PetscInt count, Placement p[])
+PetscErrorCode PlaceRandom(const PlaceBox *in, PetscInt seed, const ParticlesPlaced *others, PetscInt count,
+                           Placement p[])
 {
+  const PetscInt   n     = others->n;
   const char      *name  = in->name;
   const PetscInt   dim   = in->dim;
   const PetscReal *lower = in->lower, *upper = in->upper, radius = in->radius, margin = in->margin;
@@ -174,10 +197,10 @@ PetscErrorCode PlaceRandom(const PlaceBox *in, PetscInt seed, PetscInt n, PetscR
   PetscCall(sort_by_size(count, p, order));
   PetscCall(GridCreate(dim, lower, upper, 2 * largest + margin, 4 * (n + count) + 64, &cells));
   for (PetscInt i = 0; i < n + count && found; i++) {
-    const PetscReal r = i < n ? other_radius[i] : radius * p[order[i - n]].scale;
+    const PetscReal r = i < n ? others->radius[i] : radius * p[order[i - n]].scale;
 
     if (i < n)
-      for (PetscInt a = 0; a < 3; a++) x[i][a] = other_x[i][a];
+      for (PetscInt a = 0; a < 3; a++) x[i][a] = others->x[i][a];
     else {
       x[i][2] = 0;
       PetscCall(throw_darts(cells, dim, lower, upper, r, x, keep, &state, x[i], &found));
