@@ -3,7 +3,6 @@
    without a device. Fields stay where they are. */
 #include "compat.h"
 #include "impl.h"
-#include "base/algebra.h"
 
 /* Pairs as they are collected, on the host */
 typedef struct {
@@ -249,25 +248,6 @@ PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, const PetscReal x[], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rows of bodies in y [count][nr] beside those of their nodes: their own, and what `more` [nlocal][nr] has */
-static PetscErrorCode make_rows(FlowSolver fs, const PetscReal x[], const PetscReal more[], PetscReal y[])
-{
-  const ConstraintView *c  = ConstraintGetView(fs->constraint);
-  const PetscInt        nr = fs->nr;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(y, x, c->count * nr)); /* identity where nothing is unknown */
-  for (PetscInt k = 0; k < c->nown; k++) {
-    PetscReal row[6];
-
-    FlowSolverMultBody(fs, k, x + k * nr, row);
-    for (PetscInt s = 0; s < nr; s++)
-      if (ConstraintIsUnknown(c, c->own[k], s)) y[k * nr + s] = row[s];
-  }
-  PetscCall(ConstraintDeliverRigid(fs->constraint, more, y));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal x[], const PetscReal v[], PetscReal y[])
 {
   const ConstraintView *c    = ConstraintGetView(fs->constraint);
@@ -285,7 +265,8 @@ PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal x[], cons
   PetscCall(bring_sums(fs, 2, b->here));
   for (PetscInt e = 0; e < n; e++) b->here[e] += b->here[n + e];
   ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_FALSE, 1, c->local_rigid, b->here);
-  PetscCall(make_rows(fs, b->slots, b->here, rows));
+  FlowSolverMultBodies(fs, b->slots, rows);
+  PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, rows));
   PetscCall(send_slots(fs, rows, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -310,43 +291,28 @@ PetscErrorCode FlowSolverReducePlainOnDevice(FlowSolver fs, PetscReal y[])
 
 PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver fs, const PetscReal b[], PetscReal r[])
 {
-  const ConstraintView *c  = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q  = FlowGetQueue(fs->flow);
-  const PetscInt        nr = fs->nr;
-  BodiesOnDevice       *d  = &fs->device.body;
-  PetscReal            *x = d->slots, *rows = d->slots + c->count * nr;
+  const DeviceQueue *q    = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *d    = &fs->device.body;
+  PetscReal         *rows = d->slots + ConstraintGetView(fs->constraint)->count * fs->nr;
 
   PetscFunctionBeginUser;
   PetscCall(bring_slots(fs, b, rows));
-  PetscCall(PetscArraycpy(x, rows, c->count * nr));
-  for (PetscInt k = 0; k < c->nown; k++)
-    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, rows + k * nr, x + k * nr);
-  PetscCall(spread_slots(fs, x));
+  FlowSolverSolveBodies(fs, rows, d->slots);
+  PetscCall(spread_slots(fs, d->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &d->coupling.on, -1, d->U, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver fs, PetscReal x[])
 {
-  const ConstraintView *c     = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q     = FlowGetQueue(fs->flow);
-  const PetscInt        nr    = fs->nr;
-  BodiesOnDevice       *d     = &fs->device.body;
-  PetscReal            *force = d->slots + c->count * nr, U[6];
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *d = &fs->device.body;
 
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &d->coupling.on, -1, x, d->sum));
   PetscCall(bring_sums(fs, 1, d->here));
-  PetscCall(BodyCouplingAnswerBodies(fs->body.coupling, c->local_rigid, d->here));
-  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_TRUE, -1, c->local_rigid, d->here);
-  PetscCall(PetscArrayzero(force, c->count * nr));
-  PetscCall(ConstraintDeliverRigid(fs->constraint, d->here, force));
-  for (PetscInt k = 0; k < c->nown; k++) {
-    for (PetscInt s = 0; s < nr; s++)
-      if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
-    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, force + k * nr, U);
-    for (PetscInt s = 0; s < nr; s++) d->slots[k * nr + s] += U[s];
-  }
+  PetscCall(BodyCouplingAnswerBodies(fs->body.coupling, ConstraintGetView(fs->constraint)->local_rigid, d->here));
+  PetscCall(FlowSolverAnswerBodies(fs, d->here, d->slots));
   PetscCall(send_slots(fs, d->slots, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -355,11 +321,9 @@ PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver fs, PetscReal x[])
 
 PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver fs, const PetscReal x[], PetscReal y[])
 {
-  const ConstraintView *c  = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q  = FlowGetQueue(fs->flow);
-  const PetscInt        nr = fs->nr, n = c->count * nr;
-  BodiesOnDevice       *b = &fs->device.body;
-  PetscReal            *t = b->slots, *out = b->slots + n;
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *b = &fs->device.body;
+  PetscReal         *t = b->slots, *out = t + ConstraintGetView(fs->constraint)->count * fs->nr;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
@@ -369,10 +333,7 @@ PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver fs, const PetscReal x[]
     PetscCall(bring_sums(fs, 1, b->here));
     PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, t));
   }
-  PetscCall(PetscArrayzero(out, n));
-  for (PetscInt k = 0; k < c->nown; k++) FlowSolverInvertMass(fs, c->own[k], t + k * nr, out + k * nr);
-  PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, out));
-  for (PetscInt i = 0; i < n; i++) out[i] /= fs->step.scale;
+  PetscCall(FlowSolverInvertMasses(fs, t, out));
   PetscCall(send_slots(fs, out, y));
   if (!FlowSolverHasPenalty(fs)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(spread_slots(fs, out));

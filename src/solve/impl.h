@@ -284,10 +284,13 @@ PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver, const PetscReal b[], P
 PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver, PetscReal x[]);
 /* What bodies have in y = M_r^{-1} x */
 PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver, const PetscReal x[], PetscReal y[]);
-/* What operator.c has for one device and none: y = (D + H) x of own body i, from and to its slots; y = mass_inverse x
-   of body k, from and to its slots */
-void FlowSolverMultBody(FlowSolver, PetscInt i, const PetscReal x[], PetscReal y[]);
-void FlowSolverInvertMass(FlowSolver, PetscInt k, const PetscReal x[], PetscReal y[]);
+/* What operator.c has on rigid slots [count][nr] of the host, with a device or without: y = (D + H) x, identity where
+   nothing is unknown; x = S_b^{-1} b; x += S_b^{-1} (sum + ties U), sum [nlocal][nr] of nodes and U what
+   ConstraintFetchRigid fetched last, sum is lost; y = mass_inverse x with ties. The last two: collective. */
+void           FlowSolverMultBodies(FlowSolver, const PetscReal x[], PetscReal y[]);
+void           FlowSolverSolveBodies(FlowSolver, const PetscReal b[], PetscReal x[]);
+PetscErrorCode FlowSolverAnswerBodies(FlowSolver, PetscReal sum[], PetscReal x[]);
+PetscErrorCode FlowSolverInvertMasses(FlowSolver, const PetscReal x[], PetscReal y[]);
 /* p += factor Mp^{-1} r */
 PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, Vec r, Vec p);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);

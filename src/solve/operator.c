@@ -35,7 +35,7 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
 }
 
 /* y = (D + H) x of own body i, from and to its slots */
-void FlowSolverMultBody(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
+static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, k = c->own[i];
@@ -45,6 +45,19 @@ void FlowSolverMultBody(FlowSolver fs, PetscInt i, const PetscReal x[], PetscRea
   DenseMultiply(nr, fs->body.D + k * nr * nr, PETSC_FALSE, U, y);
   if (FlowSolverHasPenalty(fs)) add_small(nr, fs->body.penalty->whole + i * nr * nr, U, y);
   for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(c, k, s);
+}
+
+void FlowSolverMultBodies(FlowSolver fs, const PetscReal x[], PetscReal y[])
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr;
+
+  for (PetscInt k = 0; k < c->nown; k++) {
+    mult_body(fs, k, x + k * nr, y + k * nr);
+    for (PetscInt s = 0; s < nr; s++)
+      if (!ConstraintIsUnknown(c, c->own[k], s)) y[k * nr + s] = x[k * nr + s];
+  }
+  for (PetscInt i = c->nown * nr; i < c->count * nr; i++) y[i] = x[i];
 }
 
 /* y = A x without a matrix, own nodes */
@@ -94,12 +107,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecResetArray(fs->vec.xn));
   PetscCall(VecResetArray(fs->vec.yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
-  for (PetscInt k = 0; k < c->nown; k++) {
-    FlowSolverMultBody(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
-    for (PetscInt s = 0; s < fs->nr; s++)
-      if (!ConstraintIsUnknown(c, c->own[k], s)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
-  }
-  for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) ya[i] = xr[i];
+  FlowSolverMultBodies(fs, xr + fs->nodal, ya + fs->nodal);
   if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = xr[c->inert.slot[j]];
@@ -127,25 +135,44 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* x -= S_b^{-1} (E^T x + O U) at the bodies' slots, U what stood there: what nodes and other bodies mean for them */
-static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
+void FlowSolverSolveBodies(FlowSolver fs, const PetscReal b[], PetscReal x[])
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr;
+
+  for (PetscInt k = 0; k < c->nown; k++)
+    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, b + k * nr, x + k * nr);
+  for (PetscInt i = c->nown * nr; i < c->count * nr; i++) x[i] = b[i];
+}
+
+PetscErrorCode FlowSolverAnswerBodies(FlowSolver fs, PetscReal sum[], PetscReal x[])
 {
   const ConstraintView *c     = ConstraintGetView(fs->constraint);
   const PetscInt        nr    = fs->nr;
   PetscReal            *force = fs->body.rigid_work + fs->capacity * nr, U[6];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
-  PetscCall(BodyCouplingAnswer(fs->body.coupling, x, c->local_rigid, fs->body.rigid_work));
-  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
+  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_TRUE, -1, c->local_rigid, sum);
   PetscCall(PetscArrayzero(force, c->count * nr));
-  PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, force));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, sum, force));
   for (PetscInt k = 0; k < c->nown; k++) {
     for (PetscInt s = 0; s < nr; s++)
       if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
     DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, force + k * nr, U);
-    for (PetscInt s = 0; s < nr; s++) x[fs->nodal + k * nr + s] += U[s];
+    for (PetscInt s = 0; s < nr; s++) x[k * nr + s] += U[s];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x -= S_b^{-1} (E^T x + O U) at the bodies' slots, U what stood there: what nodes and other bodies mean for them */
+static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * fs->nr));
+  PetscCall(BodyCouplingAnswer(fs->body.coupling, x, c->local_rigid, fs->body.rigid_work));
+  PetscCall(FlowSolverAnswerBodies(fs, fs->body.rigid_work, x + fs->nodal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -169,10 +196,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
   rhs = b;
-  for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
-  for (PetscInt k = 0; k < c->nown; k++)
-    DenseMultiply(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, PETSC_FALSE, b + fs->nodal + k * fs->nr,
-                  x + fs->nodal + k * fs->nr);
+  FlowSolverSolveBodies(fs, b + fs->nodal, x + fs->nodal);
   if (fs->nbodies) {
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
     PetscCall(PetscArraycpy(fs->vec.nodal, b, fs->nodal));
@@ -288,7 +312,7 @@ static PetscErrorCode add_relative_rows(FlowSolver fs, PetscBool before, const P
 }
 
 /* y = mass_inverse x of body k, from and to its slots */
-void FlowSolverInvertMass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
+static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   PetscReal             force[6];
@@ -296,6 +320,19 @@ void FlowSolverInvertMass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscR
   for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(c, k, s);
   DenseMultiply(fs->nr, fs->body.mass_inverse + k * fs->nr * fs->nr, PETSC_FALSE, force, y);
   for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(c, k, s);
+}
+
+PetscErrorCode FlowSolverInvertMasses(FlowSolver fs, const PetscReal x[], PetscReal y[])
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const PetscInt        n = c->count * fs->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(y, n));
+  for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], x + k * fs->nr, y + k * fs->nr);
+  PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, x, y));
+  for (PetscInt i = 0; i < n; i++) y[i] /= fs->step.scale;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
@@ -318,11 +355,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_TRUE, xr, NULL, t));
   if (fs->solid) PetscCall(SolidBlockTakeBodies(fs, x, t, &from));
-  PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
-  for (PetscInt k = 0; k < c->nown; k++)
-    FlowSolverInvertMass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
-  PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, ya + fs->nodal));
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
+  PetscCall(FlowSolverInvertMasses(fs, t, ya + fs->nodal));
   PetscCall(VecRestoreArrayRead(x, &xr));
   if (fs->solid) { /* before what bodies add, at nodes of both too: the operator stays symmetric */
     PetscCall(VecRestoreArray(y, &ya));
