@@ -235,20 +235,20 @@ static PetscErrorCode bring_sums(FlowSolver fs, PetscInt n, PetscReal here[])
 
 /* ---- the velocity operator ---- */
 
-PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, const PetscReal x[], PetscReal v[])
+PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, PetscReal v[])
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);
   BodiesOnDevice    *b = &fs->device.body;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(bring_slots(fs, x, b->slots));
+  PetscCall(bring_slots(fs, v, b->slots));
   PetscCall(spread_slots(fs, b->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->place.on, 1, b->U, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal x[], const PetscReal v[], PetscReal y[])
+PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal v[], PetscReal y[])
 {
   const ConstraintView *c    = ConstraintGetView(fs->constraint);
   const DeviceQueue    *q    = FlowGetQueue(fs->flow);
@@ -258,7 +258,6 @@ PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal x[], cons
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  (void)x; /* its slots are here since it was expanded */
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->penalty.on, -1, b->U, y));
   PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->penalty.on, -1, v, b->sum));
   PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum + n));

@@ -272,11 +272,11 @@ PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver, Vec x, Vec y);
 /* Where there are bodies (devicebodies.c): lists of the step. x, y: reduced velocities there. Collective. */
 PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver);
 PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver);
-/* v [nodal] += P of the rigid slots of x, whose velocities stay at hand until the next call */
-PetscErrorCode FlowSolverExpandOnDevice(FlowSolver, const PetscReal x[], PetscReal v[]);
-/* Rows of bodies of y = P^T y + what more there is (penalty, ties, bodies), after FlowSolverExpandOnDevice of x to v;
-   -G U is added to y before */
-PetscErrorCode FlowSolverReduceOnDevice(FlowSolver, const PetscReal x[], const PetscReal v[], PetscReal y[]);
+/* v += P of its rigid slots at its nodes; slots and velocities stay at hand until the next call */
+PetscErrorCode FlowSolverExpandOnDevice(FlowSolver, PetscReal v[]);
+/* Rows of bodies of y = P^T y + what more there is (penalty, ties, bodies), after FlowSolverExpandOnDevice of v; -G U
+   is added to y before */
+PetscErrorCode FlowSolverReduceOnDevice(FlowSolver, const PetscReal v[], PetscReal y[]);
 /* Rows of bodies of y = P^T y alone */
 PetscErrorCode FlowSolverReducePlainOnDevice(FlowSolver, PetscReal y[]);
 /* The preconditioner about bodies: before the nodes r -= E U with U of the rigid rows b, after them x of the bodies */

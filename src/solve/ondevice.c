@@ -20,7 +20,7 @@ static PetscErrorCode set_inert(FlowSolver fs, PetscReal a[])
 }
 
 /* fs->device.free, lent as *v = P x */
-static PetscErrorCode expand(FlowSolver fs, Vec x, const PetscReal xa[], PetscReal **v)
+static PetscErrorCode expand(FlowSolver fs, Vec x, PetscReal **v)
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);
 
@@ -28,19 +28,19 @@ static PetscErrorCode expand(FlowSolver fs, Vec x, const PetscReal xa[], PetscRe
   PetscCall(VecCopy(x, fs->device.free));
   PetscCall(DeviceVecGet(q, fs->device.free, v));
   PetscCall(set_inert(fs, *v));
-  PetscCall(FlowSolverExpandOnDevice(fs, xa, *v));
+  PetscCall(FlowSolverExpandOnDevice(fs, *v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* y = (P^T A P + D) x about bodies */
-static PetscErrorCode mult_bodies(FlowSolver fs, Vec x, const PetscReal xa[], PetscReal ya[])
+static PetscErrorCode mult_bodies(FlowSolver fs, Vec x, PetscReal ya[])
 {
   PetscReal *v;
 
   PetscFunctionBeginUser;
-  PetscCall(expand(fs, x, xa, &v));
+  PetscCall(expand(fs, x, &v));
   PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, v, ya));
-  PetscCall(FlowSolverReduceOnDevice(fs, xa, v, ya));
+  PetscCall(FlowSolverReduceOnDevice(fs, v, ya));
   PetscCall(VecRestoreArrayAndMemType(fs->device.free, &v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -59,7 +59,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   q = FlowGetQueue(fs->flow);
   PetscCall(DeviceVecGetRead(q, x, &xa));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
-  if (fs->nbodies) PetscCall(mult_bodies(fs, x, xa, ya));
+  if (fs->nbodies) PetscCall(mult_bodies(fs, x, ya));
   else PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, xa, ya));
   PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, xa, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
@@ -113,18 +113,15 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
 {
   FlowSolver         fs;
   const DeviceQueue *q;
-  const PetscReal   *xa;
   PetscReal         *u, *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   q = FlowGetQueue(fs->flow);
-  PetscCall(DeviceVecGetRead(q, x, &xa));
-  PetscCall(expand(fs, x, xa, &u));
+  PetscCall(expand(fs, x, &u));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowDivergenceOnDevice(fs->flow, fs->step.scale, u, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
-  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscCall(VecRestoreArrayAndMemType(fs->device.free, &u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
