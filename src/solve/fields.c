@@ -39,14 +39,10 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
 
   PetscFunctionBeginUser;
   PetscCall(MatGetNullSpace(fs->op.K, &constant));
-  if (fs->nbodies && PressureIsOnDevice(fs->pressure)) {
+  if (fs->nbodies) {
     PetscCall(VecGetArrayAndMemType(r, &a, NULL));
-    PetscCall(PressureMakeConsistentOnDevice(fs->pressure, a + fs->nur));
-    PetscCall(VecRestoreArrayAndMemType(r, &a));
-  } else if (fs->nbodies) {
-    PetscCall(VecGetArray(r, &a));
     PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));
-    PetscCall(VecRestoreArray(r, &a));
+    PetscCall(VecRestoreArrayAndMemType(r, &a));
   } else if (constant) PetscCall(MatNullSpaceRemove(constant, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

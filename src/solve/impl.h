@@ -291,7 +291,7 @@ void           FlowSolverMultBodies(FlowSolver, const PetscReal x[], PetscReal y
 void           FlowSolverSolveBodies(FlowSolver, const PetscReal b[], PetscReal x[]);
 PetscErrorCode FlowSolverAnswerBodies(FlowSolver, PetscReal sum[], PetscReal x[]);
 PetscErrorCode FlowSolverInvertMasses(FlowSolver, const PetscReal x[], PetscReal y[]);
-/* p += factor Mp^{-1} r */
+/* FlowSolverAddPressureMass there */
 PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, Vec r, Vec p);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
 /* Does it say so, and do fields stay there in this step (devicestep.c)? Then, in place of functions of these names: */
@@ -316,6 +316,8 @@ PetscErrorCode FlowSolverPlaceFields(FlowSolver, const PetscReal from[], const P
 PetscErrorCode FlowSolverResetFields(FlowSolver);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
+/* p += factor Mp^{-1} r. Local. */
+PetscErrorCode FlowSolverAddPressureMass(FlowSolver, PetscReal factor, Vec r, Vec p);
 
 /* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving
    as for FlowSolverCreate. Collective. */

@@ -367,6 +367,24 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverAddPressureMass(FlowSolver fs, PetscReal factor, Vec r, Vec p)
+{
+  const PetscReal *ra;
+  PetscReal       *pa;
+
+  PetscFunctionBeginUser;
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverAddPressureMassOnDevice(fs, factor, r, p));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(VecGetArrayRead(r, &ra));
+  PetscCall(VecGetArray(p, &pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, factor, ra, pa));
+  PetscCall(VecRestoreArray(p, &pa));
+  PetscCall(VecRestoreArrayRead(r, &ra));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y += scale C p of cells that give way */
 static void add_volumes(FlowSolver fs, const PetscReal p[], PetscReal y[])
 {

@@ -26,20 +26,9 @@ static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
 /* p += factor mu theta Mp^{-1} (x_p - B u); has_residual: t_p is x_p - B u still */
 static PetscErrorCode add_viscous(FlowSolver fs, PetscReal factor, PetscBool has_residual, Vec u, Vec p)
 {
-  const PetscReal *r;
-  PetscReal       *pa;
-
   PetscFunctionBeginUser;
   if (!has_residual) PetscCall(take_divergence(fs, u));
-  if (FlowSolverIsOnDevice(fs)) {
-    PetscCall(FlowSolverAddPressureMassOnDevice(fs, factor * fs->step.viscous, fs->vec.t_p, p));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(VecGetArray(p, &pa));
-  PetscCall(VecGetArrayRead(fs->vec.t_p, &r));
-  PetscCall(FlowPressureMassSolve(fs->flow, factor * fs->step.viscous, r, pa));
-  PetscCall(VecRestoreArrayRead(fs->vec.t_p, &r));
-  PetscCall(VecRestoreArray(p, &pa));
+  PetscCall(FlowSolverAddPressureMass(fs, factor * fs->step.viscous, fs->vec.t_p, p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -198,15 +187,9 @@ static PetscErrorCode make_consistent(KSP ksp, Vec rhs, Vec x, void *pressure)
   PetscFunctionBeginUser;
   (void)ksp;
   (void)x;
-  if (PressureIsOnDevice((Pressure)pressure)) {
-    PetscCall(VecGetArrayAndMemType(rhs, &r, NULL));
-    PetscCall(PressureMakeConsistentOnDevice((Pressure)pressure, r));
-    PetscCall(VecRestoreArrayAndMemType(rhs, &r));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(VecGetArray(rhs, &r));
+  PetscCall(VecGetArrayAndMemType(rhs, &r, NULL));
   PetscCall(PressureMakeConsistent((Pressure)pressure, r));
-  PetscCall(VecRestoreArray(rhs, &r));
+  PetscCall(VecRestoreArrayAndMemType(rhs, &r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -88,8 +88,6 @@ static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[
 static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
 {
   const PetscReal *mu;
-  const PetscReal *g;
-  PetscReal       *q;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverApplyMassInverse(fs, t->w, fs->vec.t_u));
@@ -102,15 +100,7 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
   }
   if (t->blend == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecScale(t->q, 1 - t->blend));
-  if (FlowSolverIsOnDevice(fs)) {
-    PetscCall(FlowSolverAddPressureMassOnDevice(fs, t->blend * fs->step.viscous, t->g, t->q));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(VecGetArrayRead(t->g, &g));
-  PetscCall(VecGetArray(t->q, &q));
-  PetscCall(FlowPressureMassSolve(fs->flow, t->blend * fs->step.viscous, g, q));
-  PetscCall(VecRestoreArray(t->q, &q));
-  PetscCall(VecRestoreArrayRead(t->g, &g));
+  PetscCall(FlowSolverAddPressureMass(fs, t->blend * fs->step.viscous, t->g, t->q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

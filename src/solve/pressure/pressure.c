@@ -392,6 +392,10 @@ PetscErrorCode PressureMakeConsistent(Pressure p, PetscReal r[])
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
+  if (PressureIsOnDevice(p)) {
+    PetscCall(PressureMakeConsistentOnDevice(p, r));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt i = 0; i < p->interior.n; i++) PetscCall(PetscArrayzero(r + p->interior.cell[i] * p->nk, p->nk));
   if (!p->floating || p->gap.any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {

@@ -58,13 +58,11 @@ PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
 /* Take from r [own cells][dim + 1], a residual of continuity, what no velocity can cause: in closed domains its sum,
    from the cells with flow, and all of it in cells inside of bodies. It is round-off, but spread over all cells it
    would be divided by the softness of the latter, a million times larger than the pressures that matter. After
-   PressureUpdate. Collective. */
+   PressureUpdate, on a device (r in its memory) after the solver's set-up. Collective. */
 PetscErrorCode PressureMakeConsistent(Pressure, PetscReal r[]);
 
-/* On a device (flow/device.h): is the pressure there? r in its memory. y [own cells][dim + 1] += C x there, of which
-   fraction of compressible cells. After the solver's set-up. Collective. */
-PetscBool      PressureIsOnDevice(Pressure);
-PetscErrorCode PressureMakeConsistentOnDevice(Pressure, PetscReal r[]);
+/* On a device (flow/device.h): y [own cells][dim + 1] += C x there, of which fraction of compressible cells. After the
+   solver's set-up. Local. */
 PetscErrorCode PressureSharedOnDevice(Pressure, PetscReal fraction, const PetscReal x[], PetscReal y[]);
 
 /* The operator and the matrix for preconditioners (the same object when no body is unknown). Borrowed. */

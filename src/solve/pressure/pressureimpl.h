@@ -130,15 +130,17 @@ struct _p_PressureDevice {
 
 /* pressuredevice.c: is the cycle done on a device? In space. Its set-up, where rows have changed; z = cycle
    b; what it keeps. Collective. */
+PetscBool      PressureIsOnDevice(Pressure);
 PetscErrorCode PressureSetUpDevice(Pressure);
 PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
 PetscErrorCode PressureDestroyDevice(Pressure);
 
 /* devicecut.c: bodies of the step go over; y = S_p x in memory of the device, without its rows in between; what is
-   kept. Collective. */
+   kept; PressureMakeConsistent there. Collective. */
 PetscErrorCode PressureListBodiesOnDevice(Pressure);
 PetscErrorCode PressureFreeBodiesOnDevice(Pressure);
 PetscErrorCode PressureMultOnDevice(Pressure, Vec x, Vec y);
+PetscErrorCode PressureMakeConsistentOnDevice(Pressure, PetscReal r[]);
 
 /* deviceranks.c: on several ranks, what the cycle has to do with the others. Not collective. */
 PetscErrorCode PressureMeetRanks(Pressure);
