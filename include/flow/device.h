@@ -65,5 +65,6 @@ PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt ho
   DeviceRenewBytes(queue, (size_t)(n), sizeof(**(p)), host, (void **)(p), capacity)
 PetscErrorCode DeviceRenewBytes(const DeviceQueue *, size_t n, size_t size, const void *host, void **p,
                                 size_t *capacity);
+PetscErrorCode DeviceRenewInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p, size_t *capacity);
 #define DeviceFree(queue, p) DeviceFreeBytes(queue, (void **)(p))
 PetscErrorCode DeviceFreeBytes(const DeviceQueue *, void **p);

@@ -23,14 +23,34 @@ PetscErrorCode DeviceRenewBytes(const DeviceQueue *queue, size_t n, size_t size,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The kernels' integers, to be freed */
+static PetscErrorCode narrow(PetscInt n, const PetscInt host[], int **v)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, v));
+  for (PetscInt i = 0; i < n; i++) (*v)[i] = (int)host[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DeviceTakeInts(const DeviceQueue *queue, PetscInt n, const PetscInt host[], const int **p)
 {
   int *v;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(n, &v));
-  for (PetscInt i = 0; i < n; i++) v[i] = (int)host[i];
+  PetscCall(narrow(n, host, &v));
   PetscCall(DeviceTake(queue, n, v, p));
+  PetscCall(PetscFree(v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceRenewInts(const DeviceQueue *queue, PetscInt n, const PetscInt host[], const int **p,
+                               size_t *capacity)
+{
+  int *v;
+
+  PetscFunctionBeginUser;
+  PetscCall(narrow(n, host, &v));
+  PetscCall(DeviceRenew(queue, n, v, p, capacity));
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

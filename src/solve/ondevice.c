@@ -223,7 +223,6 @@ static PetscErrorCode list_inert(FlowSolver fs)
   const DeviceQueue    *q = FlowGetQueue(fs->flow);
   const PetscInt        n = c->inert.n;
   SystemOnDevice       *d = &fs->device;
-  int                  *slot;
 
   PetscFunctionBeginUser;
   if ((size_t)n > d->room || !d->value_here) {
@@ -232,15 +231,12 @@ static PetscErrorCode list_inert(FlowSolver fs)
     PetscCall(PetscMalloc1(d->room, &d->value_here));
   }
   d->ninert = (int)n;
-  PetscCall(PetscMalloc1(n, &slot));
-  for (PetscInt i = 0; i < n; i++) slot[i] = (int)c->inert.slot[i];
+  PetscCall(DeviceRenewInts(q, n, c->inert.slot, &d->inert, &d->capacity[0]));
   for (PetscInt i = 0; i < n; i++) d->value_here[i] = 1;
-  PetscCall(DeviceRenew(q, n, slot, &d->inert, &d->capacity[0]));
   PetscCall(DeviceRenew(q, n, d->value_here, &d->unit, &d->capacity[1]));
   PetscCall(PetscArrayzero(d->value_here, n));
   PetscCall(DeviceRenew(q, n, d->value_here, &d->value, &d->capacity[2]));
   PetscCall(DeviceRenew(q, n, d->value_here, &d->nothing, &d->capacity[3]));
-  PetscCall(PetscFree(slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

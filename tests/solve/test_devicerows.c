@@ -20,6 +20,7 @@ typedef struct {
   Mat              S; /* the rows */
   DeviceQueue      queue;
   DeviceRows       rows;
+  size_t           room[5];
   DeviceTransfer   vertices;
 } Case;
 
@@ -50,7 +51,8 @@ static void open_case(Case *c, const char options[])
   OK(TransferUpdateCells(c->transfer, c->l->ncell_all, NULL, NULL));
   c->np    = c->l->ncell * 4;
   c->queue = (DeviceQueue){.run = DeviceGetKernels("cpu")};
-  OK(DeviceRowsCreate(&c->queue, c->S, &c->rows));
+  c->rows  = (DeviceRows){0};
+  OK(DeviceRowsRenew(&c->queue, c->S, &c->rows, c->room));
   OK(DeviceTransferCreate(&c->queue, c->transfer, c->l->ncell, &c->vertices));
 }
 

@@ -45,21 +45,19 @@ static PetscErrorCode list_cells(Pressure p, struct _p_PressureDevice *d)
   const DeviceQueue *q = d->queue;
   const PetscInt     n = p->interior.n * 4;
   PetscReal         *nothing;
-  int               *slot, *cell;
+  int               *slot;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(n, &slot, p->gap.n, &cell));
+  PetscCall(PetscMalloc1(n, &slot));
   PetscCall(PetscCalloc1(n, &nothing));
   for (PetscInt i = 0; i < n; i++) slot[i] = (int)(p->interior.cell[i / 4] * 4 + i % 4);
-  for (PetscInt i = 0; i < p->gap.n; i++) cell[i] = (int)p->gap.cell[i];
   d->ninterior = (int)n;
   d->nshared   = (int)p->gap.n;
   PetscCall(DeviceRenew(q, n, slot, &d->interior, &d->capacity[5]));
   PetscCall(DeviceRenew(q, n, nothing, &d->nothing, &d->capacity[6]));
-  PetscCall(DeviceFree(q, &d->gap));
-  PetscCall(DeviceRenew(q, p->gap.n, cell, &d->shared, &d->capacity[7]));
-  PetscCall(DeviceTake(q, p->gap.n * 4, NULL, &d->gap));
-  PetscCall(PetscFree2(slot, cell));
+  PetscCall(DeviceRenewInts(q, p->gap.n, p->gap.cell, &d->shared, &d->capacity[7]));
+  PetscCall(DeviceRenew(q, p->gap.n * 4, NULL, &d->gap, &d->capacity[8]));
+  PetscCall(PetscFree(slot));
   PetscCall(PetscFree(nothing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

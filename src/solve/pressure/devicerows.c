@@ -43,23 +43,18 @@ static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_Rows
 static PetscErrorCode take_kinds(const DeviceQueue *queue, const struct _p_RowsView *v, DeviceRows *r, size_t room[])
 {
   PetscInt *kind, *from, nkind;
-  int      *number;
   float    *inverse;
-  size_t    n[2] = {room[2], room[2]};
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(v->n, &kind, v->n, &from, v->n, &number));
+  PetscCall(PetscMalloc2(v->n, &kind, v->n, &from));
   PetscCall(list_kinds(v, kind, from, &nkind));
   PetscCall(PetscMalloc1(nkind * 16, &inverse));
   for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(inverse + k * 16, v->inverse + from[k] * 16, 16));
-  for (PetscInt i = 0; i < v->n; i++) number[i] = (int)v->at[i];
-  PetscCall(DeviceRenew(queue, v->n, number, &r->at, &n[0]));
-  for (PetscInt i = 0; i < v->n; i++) number[i] = (int)kind[i];
-  PetscCall(DeviceRenew(queue, v->n, number, &r->kind, &n[1]));
-  PetscCall(DeviceRenew(queue, nkind * 16, inverse, &r->inverse, &room[3]));
-  room[2] = n[0];
+  PetscCall(DeviceRenewInts(queue, v->n, v->at, &r->at, &room[0]));
+  PetscCall(DeviceRenewInts(queue, v->n, kind, &r->kind, &room[1]));
+  PetscCall(DeviceRenew(queue, nkind * 16, inverse, &r->inverse, &room[2]));
   PetscCall(PetscFree(inverse));
-  PetscCall(PetscFree3(kind, from, number));
+  PetscCall(PetscFree2(kind, from));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -71,24 +66,14 @@ PetscErrorCode DeviceRowsRenew(const DeviceQueue *queue, Mat shell, DeviceRows *
   PetscCall(BlockGSGetRows(shell, &v));
   PetscCheck(v.nk == 4, PETSC_COMM_SELF, PETSC_ERR_SUP, "Rows of the pressure on a device are for meshes in space");
   if (!r->start) {
-    PetscCall(PetscArrayzero(room, 4));
+    PetscCall(PetscArrayzero(room, 5));
     *r = (DeviceRows){.n = (int)v.n};
     PetscCall(DeviceTakeInts(queue, v.n + 1, v.start, &r->start));
     PetscCall(DeviceTakeInts(queue, v.start[v.n], v.column, &r->column));
   }
   PetscCall(take_values(queue, &v, &r->value, &room[0]));
   PetscCall(DeviceRenew(queue, v.nblock * 16, v.single, &r->single, &room[1]));
-  PetscCall(take_kinds(queue, &v, r, room));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows *r)
-{
-  size_t room[4] = {0};
-
-  PetscFunctionBeginUser;
-  *r = (DeviceRows){0};
-  PetscCall(DeviceRowsRenew(queue, shell, r, room));
+  PetscCall(take_kinds(queue, &v, r, &room[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -6,10 +6,8 @@
 #include "transfer.h"
 
 /* Of a BlockGS with blocks of 4 x 4, as its rows are; in single precision where it has no other. Errors: other blocks,
-   no memory. */
-PetscErrorCode DeviceRowsCreate(const DeviceQueue *, Mat shell, DeviceRows *);
-/* The same where some rows have changed since: which stand where does not, and stays; what they hold goes over. `room`
-   [4], zero at first, is how much there is for them. */
+   no memory. Once more where some rows have changed since: which stand where does not, and stays; what they hold goes
+   over. The rows are zero at first; `room` [5] is how much there is for them. */
 PetscErrorCode DeviceRowsRenew(const DeviceQueue *, Mat shell, DeviceRows *, size_t room[]);
 PetscErrorCode DeviceRowsDestroy(const DeviceQueue *, DeviceRows *);
 /* Of the ncell own cells */

@@ -118,7 +118,7 @@ PetscErrorCode PressureTakeCycle(Pressure, PC);
 struct _p_PressureDevice {
   const DeviceQueue *queue;
   DevicePressure     cycle;
-  size_t             capacity[8], room[4];
+  size_t             capacity[9], room[5];
   int                ninterior, nshared; /* slots of cells inside of bodies; cells of GapCells */
   const int         *interior, *shared;
   double            *nothing, *gap; /* [ninterior] zeros; [nshared][4] */
