@@ -3,6 +3,14 @@
 #include "blockgsimpl.h"
 #include "../devicevec.h"
 
+static PetscErrorCode fetch_ghosts(const BlockGS *g, const PetscReal x[], PetscReal ghost[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, ghost, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, ghost, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BlockGSMultiplyOnDevice(const BlockGS *g, Vec x, Vec y)
 {
   const PetscReal *xa, one = 1;
@@ -13,8 +21,7 @@ PetscErrorCode BlockGSMultiplyOnDevice(const BlockGS *g, Vec x, Vec y)
   PetscCall(DeviceVecGetWrite(g->queue, y, &ya));
   if (g->sf) {
     PetscCallDevice(g->queue, (*g->queue->run->combine)(g->queue, (size_t)(g->n * g->nk), 1, &xa, &one, NULL, g->all));
-    PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->all + g->n * g->nk, MPI_REPLACE));
+    PetscCall(fetch_ghosts(g, xa, g->all + g->n * g->nk));
   }
   PetscCallDevice(g->queue, (*g->queue->run->multiply_rows)(g->queue, g->rows, g->sf ? g->all : xa, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
@@ -59,7 +66,6 @@ PetscErrorCode BlockGSFetchGhosts(Mat shell, const PetscReal x[], PetscReal ghos
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, ghost, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, ghost, MPI_REPLACE));
+  PetscCall(fetch_ghosts(g, x, ghost));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

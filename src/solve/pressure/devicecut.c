@@ -106,26 +106,32 @@ PetscErrorCode PressureFreeBodiesOnDevice(Pressure p)
 
 /* ---- the operator ---- */
 
+PetscErrorCode PressureSumBodiesOnDevice(Pressure p, ContactCoupling ties, PetscReal U[])
+{
+  const ConstraintView *P     = ConstraintGetView(p->constraint);
+  const DeviceQueue    *q     = p->device->queue;
+  const size_t          bytes = (size_t)(P->nlocal * p->nr) * sizeof(PetscReal);
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->download)(q, bytes, U, p->cut.work));
+  if (ties) PetscCall(ContactCouplingSolveBegin(ties, p->cut.work));
+  PetscCall(SharedReductionSumBegin(P->shared_reduction, p->nr, p->cut.work));
+  PetscCall(SharedReductionSumEnd(P->shared_reduction, p->nr, p->cut.work));
+  if (ties) PetscCall(ContactCouplingSolveEnd(ties, p->cut.work));
+  PetscCallDevice(q, (*q->run->upload)(q, bytes, p->cut.work, U));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* U of the cycle = Q (W^T x summed over ranks): numbers of bodies come to the host where ties or ranks have a part */
 static PetscErrorCode sum_bodies(Pressure p, const PetscReal x[])
 {
-  const ConstraintView     *P     = ConstraintGetView(p->constraint);
-  struct _p_PressureDevice *d     = p->device;
-  const DeviceQueue        *q     = d->queue;
-  const size_t              bytes = (size_t)(P->nlocal * p->nr) * sizeof(PetscReal);
-  const PetscBool           tied  = (PetscBool)(p->contact_coupling && ContactCouplingAny(p->contact_coupling));
-  PetscMPIInt               size;
+  struct _p_PressureDevice *d    = p->device;
+  const DeviceQueue        *q    = d->queue;
+  const PetscBool           tied = (PetscBool)(p->contact_coupling && ContactCouplingAny(p->contact_coupling));
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(p->comm, &size));
   PetscCallDevice(q, (*q->run->body.sum_blocks)(q, &d->cycle.body, x, d->cycle.U));
-  if (size == 1 && !tied) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallDevice(q, (*q->run->download)(q, bytes, d->cycle.U, p->cut.work));
-  if (p->contact_coupling) PetscCall(ContactCouplingSolveBegin(p->contact_coupling, p->cut.work));
-  PetscCall(SharedReductionSumBegin(P->shared_reduction, p->nr, p->cut.work));
-  PetscCall(SharedReductionSumEnd(P->shared_reduction, p->nr, p->cut.work));
-  if (p->contact_coupling) PetscCall(ContactCouplingSolveEnd(p->contact_coupling, p->cut.work));
-  PetscCallDevice(q, (*q->run->upload)(q, bytes, p->cut.work, d->cycle.U));
+  if (tied || d->cycle.ranks.ctx) PetscCall(PressureSumBodiesOnDevice(p, p->contact_coupling, d->cycle.U));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

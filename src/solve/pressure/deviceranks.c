@@ -1,32 +1,10 @@
 /* Pressure on devices of several ranks: what the cycle over cells has to do with the others. Blocks at ghosts are
-   brought by PetscSF, which finds out in which memory they lie; sums over bodies are made here; the level of the
-   vertices is the processor's, to which the cells' residual goes and from which their correction comes. */
+   brought by PetscSF, which finds out in which memory they lie; sums over bodies are those of devicecut.c; the level of
+   the vertices is the processor's, to which the cells' residual goes and from which their correction comes. */
 #include "compat.h"
 #include "flow/device.h"
 #include "blockgs.h"
 #include "pressureimpl.h"
-
-static PetscErrorCode fetch_blocks(Pressure p, PetscReal x[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(BlockGSFetchGhosts(p->nodes.matrix, x, x + p->loc->ncell * 4));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Plain sums, without ties, which the cycle without a device leaves out too */
-static PetscErrorCode sum_bodies(Pressure p, PetscReal U[])
-{
-  const ConstraintView *P     = ConstraintGetView(p->constraint);
-  const DeviceQueue    *q     = p->device->queue;
-  const size_t          bytes = (size_t)(P->nlocal * p->nr) * sizeof(PetscReal);
-
-  PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->download)(q, bytes, U, p->cut.work));
-  PetscCall(SharedReductionSumBegin(P->shared_reduction, p->nr, p->cut.work));
-  PetscCall(SharedReductionSumEnd(P->shared_reduction, p->nr, p->cut.work));
-  PetscCallDevice(q, (*q->run->upload)(q, bytes, p->cut.work, U));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode correct_cells(Pressure p, const PetscReal r[], PetscReal x[])
 {
@@ -46,12 +24,15 @@ static PetscErrorCode correct_cells(Pressure p, const PetscReal r[], PetscReal x
 
 static int fetch(void *ctx, double x[])
 {
-  return (int)fetch_blocks((Pressure)ctx, x);
+  const Pressure p = ctx;
+
+  return (int)BlockGSFetchGhosts(p->nodes.matrix, x, x + p->loc->ncell * 4);
 }
 
+/* Without ties, which the cycle without a device leaves out too */
 static int sum(void *ctx, double U[])
 {
-  return (int)sum_bodies((Pressure)ctx, U);
+  return (int)PressureSumBodiesOnDevice((Pressure)ctx, NULL, U);
 }
 
 static int correct(void *ctx, const double r[], double x[])

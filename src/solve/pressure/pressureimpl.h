@@ -136,11 +136,13 @@ PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
 PetscErrorCode PressureDestroyDevice(Pressure);
 
 /* devicecut.c: bodies of the step go over; y = S_p x in memory of the device, without its rows in between; what is
-   kept; PressureMakeConsistent there. Collective. */
+   kept; PressureMakeConsistent there; U [nlocal][nr] there = its sums over ranks, and what ties (NULL: none) make of
+   them. Collective. */
 PetscErrorCode PressureListBodiesOnDevice(Pressure);
 PetscErrorCode PressureFreeBodiesOnDevice(Pressure);
 PetscErrorCode PressureMultOnDevice(Pressure, Vec x, Vec y);
 PetscErrorCode PressureMakeConsistentOnDevice(Pressure, PetscReal r[]);
+PetscErrorCode PressureSumBodiesOnDevice(Pressure, ContactCoupling ties, PetscReal U[]);
 
 /* deviceranks.c: on several ranks, what the cycle has to do with the others. Not collective. */
 PetscErrorCode PressureMeetRanks(Pressure);
