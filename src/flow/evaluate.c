@@ -281,7 +281,6 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
   LaneCells       next;
 
   PetscFunctionBeginUser;
-  if (u && OnDeviceHelps(f)) PetscCall(OnDeviceSendSolution(f, u));
   if (u && !OnDeviceHelps(f)) {
     PetscCall(FlowBringFields(f));
     PetscCall(OwnersSumVolumes(f, p, &imposed));
@@ -289,7 +288,10 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
     PetscCall(PetscFree(imposed));
     if (f->loc->dim == 2) add_nodes(2, f, u, &of);
     else add_nodes(3, f, u, &of);
-  } else PetscCall(OnDeviceMeasure(f, &of));
+  } else {
+    if (u) PetscCall(OnDeviceSendSolution(f, u));
+    PetscCall(OnDeviceMeasure(f, &of));
+  }
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
   if (f->material && f->material->diagnose) PetscCall((*f->material->diagnose)(f, of.flux));
   if (f->force.traction) TractionSum(f->force.traction, of.traction);
