@@ -76,6 +76,11 @@ static void test_terms(void **state)
   check_terms(BOX "-mesh_cells 3,3,3 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4");
 }
 
+static void fill(PetscInt n, PetscInt seed, double v[])
+{
+  for (PetscInt i = 0; i < n; i++) v[i] = noise(seed + i);
+}
+
 /* Lists of n entries of few bodies, one of which has none */
 static void make_list(PetscInt n, int start[], int body[])
 {
@@ -99,9 +104,9 @@ static void test_rigid(void **state)
   (void)state;
   make_list(N, start, body);
   for (int i = 0; i < N; i++) node[i] = i * 7 % 211 | (i % 8) << DEVICE_NODE_BITS; /* some nodes more than once */
-  for (int i = 0; i < 4 * N; i++) arm[i] = noise(i);
-  for (int i = 0; i < NBODY * 6; i++) U[i] = noise(i + 1000);
-  for (int i = 0; i < N * 3; i++) x[i] = noise(i + 2000);
+  fill(4 * N, 0, arm);
+  fill(NBODY * 6, 1000, U);
+  fill(N * 3, 2000, x);
   for (int i = 0; i < N; i++) {
     const double *V = U + body[i] * 6, *W = V + 3, a[3] = {arm[N + i], arm[2 * N + i], arm[3 * N + i]};
 
@@ -130,9 +135,9 @@ static void test_blocks(void **state)
 
   (void)state;
   make_list(N, start, body);
-  for (int i = 0; i < 24 * N; i++) w[i] = noise(i);
-  for (int i = 0; i < NBODY * 6; i++) U[i] = noise(i + 1000);
-  for (int i = 0; i < N * 4; i++) x[i] = noise(i + 2000);
+  fill(24 * N, 0, w);
+  fill(NBODY * 6, 1000, U);
+  fill(N * 4, 2000, x);
   for (int i = 0; i < N; i++) {
     cell[i] = i * 3 % 101;
     for (int e = 0; e < 24; e++) {
