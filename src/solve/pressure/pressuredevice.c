@@ -25,10 +25,12 @@ static PetscErrorCode clear_vertices(struct _p_PressureDevice *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode clear(struct _p_PressureDevice *d)
+PetscErrorCode PressureDestroyDevice(Pressure p)
 {
+  struct _p_PressureDevice *d = p->device;
+
   PetscFunctionBeginUser;
-  if (!d->cycle.x) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!d) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DeviceRowsDestroy(d->queue, &d->cycle.rows));
   PetscCall(clear_vertices(d));
   PetscCall(DeviceFree(d->queue, &d->cycle.x));
@@ -36,15 +38,6 @@ static PetscErrorCode clear(struct _p_PressureDevice *d)
   PetscCall(DeviceFree(d->queue, &d->cycle.d));
   PetscCall(DeviceFree(d->queue, &d->cycle.y));
   PetscCall(DeviceFree(d->queue, &d->all));
-  d->cycle.x = NULL;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode PressureDestroyDevice(Pressure p)
-{
-  PetscFunctionBeginUser;
-  if (!p->device) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(clear(p->device));
   PetscCall(PressureFreeBodiesOnDevice(p));
   PetscCall(PressureLeaveRanks(p));
   PetscCall(PetscFree(p->device));
