@@ -140,24 +140,16 @@ typedef struct {
 
 /* ---- bodies ---- */
 
-/* Pairs of a node and a body, by bodies: there the rigid velocity (V, W) is weight V + W x arm. node with bit
-   DEVICE_NODE_BITS + a where component a has no part. */
+/* Pairs of a body and a node or a cell, by bodies, and numbers of theirs. Of a node, 4: there the rigid velocity (V, W)
+   is weight V + W x arm; with bit DEVICE_NODE_BITS + a where component a has no part. Of a cell, 24: a block w [4][6],
+   what a pressure is to a body. */
 typedef struct {
   int           n, nbody;
   const int    *start; /* [nbody + 1] */
-  const int    *node;  /* [n] */
+  const int    *at;    /* [n] node or cell */
   const int    *body;  /* [n] */
-  const double *arm;   /* [4][n] weight, arm */
-} DeviceRigid;
-
-/* Blocks w [n][4][6] of cells and bodies, by bodies: what a pressure is to a body */
-typedef struct {
-  int           n, nbody;
-  const int    *start; /* [nbody + 1] */
-  const int    *cell;  /* [n] */
-  const int    *body;  /* [n] */
-  const double *w;     /* [24][n] */
-} DeviceBlocks;
+  const double *value; /* [4 or 24][n] */
+} DevicePairs;
 
 /* Parts of cells with a mass of their own, such as a penalty: strength times integrals of products of two basis
    functions over the part, which are products of 6 pairs of functions along the axes, 00 01 02 11 12 22. Rows and
@@ -174,11 +166,11 @@ typedef struct {
 typedef struct {
   /* y [nnode][3] += factor times the rigid velocities U [nbody][6]; out [nbody][6] = factor times the forces and
      torques of x [nnode][3] */
-  int (*add_rigid)(const DeviceQueue *, const DeviceRigid *, double factor, const double U[], double y[]);
-  int (*sum_rigid)(const DeviceQueue *, const DeviceRigid *, double factor, const double x[], double out[]);
+  int (*add_rigid)(const DeviceQueue *, const DevicePairs *, double factor, const double U[], double y[]);
+  int (*sum_rigid)(const DeviceQueue *, const DevicePairs *, double factor, const double x[], double out[]);
   /* y [cells][4] += factor w U; out [nbody][6] = sums of w^T x */
-  int (*add_blocks)(const DeviceQueue *, const DeviceBlocks *, double factor, const double U[], double y[]);
-  int (*sum_blocks)(const DeviceQueue *, const DeviceBlocks *, const double x[], double out[]);
+  int (*add_blocks)(const DeviceQueue *, const DevicePairs *, double factor, const double U[], double y[]);
+  int (*sum_blocks)(const DeviceQueue *, const DevicePairs *, const double x[], double out[]);
   /* y [nnode][3] += the parts times x; d [nnode] += their diagonal */
   int (*multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double x[], double y[]);
   int (*add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double d[]);
@@ -317,7 +309,7 @@ typedef struct {
   double        *x, *r, *d; /* work [rows.n][4], on several ranks with room for those of others */
   double        *y;         /* likewise, on several ranks */
   DeviceLevel   *level;
-  DeviceBlocks   body;        /* the operator has w w^T beside the rows; n = 0: no bodies, the rest is not read */
+  DevicePairs    body;        /* the operator has w w^T beside the rows; n = 0: no bodies, the rest is not read */
   double        *U, *shifted; /* work [body.nbody][6], [rows.n][4] */
   DeviceRanks    ranks;       /* ctx NULL: one rank, no level is somebody else's */
 } DevicePressure;

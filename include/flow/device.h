@@ -66,5 +66,10 @@ PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt ho
 PetscErrorCode DeviceRenewBytes(const DeviceQueue *, size_t n, size_t size, const void *host, void **p,
                                 size_t *capacity);
 PetscErrorCode DeviceRenewInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p, size_t *capacity);
+/* Pairs in any order, width numbers of each value [n][width], of the host: sorted by bodies into *p, whose memory grows
+   likewise; and its memory */
+PetscErrorCode DevicePairsRenew(const DeviceQueue *, PetscInt n, PetscInt nbody, PetscInt width, const PetscInt body[],
+                                const PetscInt at[], const PetscReal value[], DevicePairs *p, size_t capacity[4]);
+PetscErrorCode DevicePairsDestroy(const DeviceQueue *, DevicePairs *);
 #define DeviceFree(queue, p) DeviceFreeBytes(queue, (void **)(p))
 PetscErrorCode DeviceFreeBytes(const DeviceQueue *, void **p);

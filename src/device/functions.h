@@ -49,10 +49,10 @@ int NAME(sum_components)(const DeviceQueue *, int, const double[], int, const do
                          double[]);
 int NAME(largest)(const DeviceQueue *, size_t, const double[], const double[], const double[3], double[], double[]);
 /* rigid.c */
-int NAME(add_rigid)(const DeviceQueue *, const DeviceRigid *, double, const double[], double[]);
-int NAME(sum_rigid)(const DeviceQueue *, const DeviceRigid *, double, const double[], double[]);
-int NAME(add_blocks)(const DeviceQueue *, const DeviceBlocks *, double, const double[], double[]);
-int NAME(sum_blocks)(const DeviceQueue *, const DeviceBlocks *, const double[], double[]);
+int NAME(add_rigid)(const DeviceQueue *, const DevicePairs *, double, const double[], double[]);
+int NAME(sum_rigid)(const DeviceQueue *, const DevicePairs *, double, const double[], double[]);
+int NAME(add_blocks)(const DeviceQueue *, const DevicePairs *, double, const double[], double[]);
+int NAME(sum_blocks)(const DeviceQueue *, const DevicePairs *, const double[], double[]);
 /* moments.c */
 int NAME(multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double[], double[]);
 int NAME(add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double[]);

@@ -15,45 +15,46 @@
 
 /* ---- at nodes ---- */
 
-KERNEL(256, 1) spread_rigid(const DeviceRigid r, const double factor, const double *RESTRICT U, double *y)
+KERNEL(256, 1) spread_rigid(const DevicePairs r, const double factor, const double *RESTRICT U, double *y)
 {
   EACH(i, r.n)
   {
-    const int     e = r.node[i];
-    const double *V = U + r.body[i] * 6, *W = V + 3, arm[3] = {r.arm[r.n + i], r.arm[2 * r.n + i], r.arm[3 * r.n + i]};
+    const int     e = r.at[i];
+    const double *V = U + r.body[i] * 6, *W = V + 3,
+                 arm[3] = {r.value[r.n + i], r.value[2 * r.n + i], r.value[3 * r.n + i]};
 
     for (int a = 0; a < 3; a++) {
       const int    b = (a + 1) % 3, c = (a + 2) % 3;
-      const double v = r.arm[i] * V[a] + W[b] * arm[c] - W[c] * arm[b];
+      const double v = r.value[i] * V[a] + W[b] * arm[c] - W[c] * arm[b];
 
       if (HAS(e, a)) ADD(y[(Big)NODE(e) * 3 + a], factor * v);
     }
   }
 }
 
-int NAME(add_rigid)(const DeviceQueue *queue, const DeviceRigid *r, double factor, const double U[], double y[])
+int NAME(add_rigid)(const DeviceQueue *queue, const DevicePairs *r, double factor, const double U[], double y[])
 {
   LAUNCH(queue, spread_rigid, BlocksFor(r->n), 256, *r, factor, U, y);
   return LAST_ERROR();
 }
 
 /* s [6], THREADS apart += force and torque of entry i */
-DEV void add_force(const DeviceRigid r, const int i, const double *RESTRICT x, double *s)
+DEV void add_force(const DevicePairs r, const int i, const double *RESTRICT x, double *s)
 {
-  const int    e      = r.node[i];
-  const double arm[3] = {r.arm[r.n + i], r.arm[2 * r.n + i], r.arm[3 * r.n + i]};
+  const int    e      = r.at[i];
+  const double arm[3] = {r.value[r.n + i], r.value[2 * r.n + i], r.value[3 * r.n + i]};
   double       f[3];
 
   for (int a = 0; a < 3; a++) f[a] = HAS(e, a) ? x[(Big)NODE(e) * 3 + a] : 0;
   for (int a = 0; a < 3; a++) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;
 
-    s[a * THREADS] += r.arm[i] * f[a];
+    s[a * THREADS] += r.value[i] * f[a];
     s[(3 + a) * THREADS] += arm[b] * f[c] - arm[c] * f[b];
   }
 }
 
-KERNEL(THREADS, 4) gather_rigid(const DeviceRigid r, const double factor, const double *RESTRICT x, double *out)
+KERNEL(THREADS, 4) gather_rigid(const DevicePairs r, const double factor, const double *RESTRICT x, double *out)
 {
   SHARED double s[6 * THREADS];
 
@@ -67,7 +68,7 @@ KERNEL(THREADS, 4) gather_rigid(const DeviceRigid r, const double factor, const 
   if (t < 6) out[BLOCK * 6 + t] = factor * s[t * THREADS];
 }
 
-int NAME(sum_rigid)(const DeviceQueue *queue, const DeviceRigid *r, double factor, const double x[], double out[])
+int NAME(sum_rigid)(const DeviceQueue *queue, const DevicePairs *r, double factor, const double x[], double out[])
 {
   LAUNCH(queue, gather_rigid, r->nbody, THREADS, *r, factor, x, out);
   return LAST_ERROR();
@@ -75,7 +76,7 @@ int NAME(sum_rigid)(const DeviceQueue *queue, const DeviceRigid *r, double facto
 
 /* ---- in cells ---- */
 
-KERNEL(256, 1) spread_blocks(const DeviceBlocks b, const double factor, const double *RESTRICT U, double *y)
+KERNEL(256, 1) spread_blocks(const DevicePairs b, const double factor, const double *RESTRICT U, double *y)
 {
   EACH(i, (Big)b.n * 4)
   {
@@ -83,18 +84,18 @@ KERNEL(256, 1) spread_blocks(const DeviceBlocks b, const double factor, const do
     const double *V   = U + b.body[e] * 6;
     double        sum = 0;
 
-    for (int m = 0; m < 6; m++) sum += b.w[(k * 6 + m) * b.n + e] * V[m];
-    ADD(y[(Big)b.cell[e] * 4 + k], factor * sum);
+    for (int m = 0; m < 6; m++) sum += b.value[(k * 6 + m) * b.n + e] * V[m];
+    ADD(y[(Big)b.at[e] * 4 + k], factor * sum);
   }
 }
 
-int NAME(add_blocks)(const DeviceQueue *queue, const DeviceBlocks *b, double factor, const double U[], double y[])
+int NAME(add_blocks)(const DeviceQueue *queue, const DevicePairs *b, double factor, const double U[], double y[])
 {
   LAUNCH(queue, spread_blocks, BlocksFor((Big)b->n * 4), 256, *b, factor, U, y);
   return LAST_ERROR();
 }
 
-KERNEL(THREADS, 4) gather_blocks(const DeviceBlocks b, const double *RESTRICT x, double *out)
+KERNEL(THREADS, 4) gather_blocks(const DevicePairs b, const double *RESTRICT x, double *out)
 {
   SHARED double s[6 * THREADS];
 
@@ -103,9 +104,9 @@ KERNEL(THREADS, 4) gather_blocks(const DeviceBlocks b, const double *RESTRICT x,
     for (int m = 0; m < 6; m++) s[m * THREADS + t] = 0;
     for (int e = b.start[BLOCK] + t; e < b.start[BLOCK + 1]; e += THREADS)
       for (int k = 0; k < 4; k++) {
-        const double v = x[(Big)b.cell[e] * 4 + k];
+        const double v = x[(Big)b.at[e] * 4 + k];
 
-        for (int m = 0; m < 6; m++) s[m * THREADS + t] += b.w[(Big)(k * 6 + m) * b.n + e] * v;
+        for (int m = 0; m < 6; m++) s[m * THREADS + t] += b.value[(Big)(k * 6 + m) * b.n + e] * v;
       }
   }
   ADD_UP(s)
@@ -113,7 +114,7 @@ KERNEL(THREADS, 4) gather_blocks(const DeviceBlocks b, const double *RESTRICT x,
   if (t < 6) out[BLOCK * 6 + t] = s[t * THREADS];
 }
 
-int NAME(sum_blocks)(const DeviceQueue *queue, const DeviceBlocks *b, const double x[], double out[])
+int NAME(sum_blocks)(const DeviceQueue *queue, const DevicePairs *b, const double x[], double out[])
 {
   LAUNCH(queue, gather_blocks, b->nbody, THREADS, *b, x, out);
   return LAST_ERROR();

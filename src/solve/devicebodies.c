@@ -6,16 +6,14 @@
 
 /* Pairs as they are collected, on the host */
 typedef struct {
-  PetscInt   n, nbody;
-  PetscInt  *body;
-  int       *node;
+  PetscInt   n, *body, *node;
   PetscReal *arm; /* [n][4] */
 } Pairs;
 
-static PetscErrorCode open_pairs(PetscInt most, PetscInt nbody, Pairs *p)
+static PetscErrorCode open_pairs(PetscInt most, Pairs *p)
 {
   PetscFunctionBeginUser;
-  *p = (Pairs){.nbody = nbody};
+  p->n = 0;
   PetscCall(PetscMalloc3(most, &p->body, most, &p->node, most * 4, &p->arm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -26,49 +24,18 @@ static void add_pair(Pairs *p, PetscInt body, PetscInt node, PetscInt without, P
   PetscReal *to = p->arm + p->n * 4;
 
   p->body[p->n]   = body;
-  p->node[p->n++] = (int)(node | without << DEVICE_NODE_BITS);
+  p->node[p->n++] = node | without << DEVICE_NODE_BITS;
   to[0]           = weight;
   for (PetscInt a = 0; a < 3; a++) to[1 + a] = arm[a];
 }
 
 /* Over to the device, by bodies */
-static PetscErrorCode close_pairs(const DeviceQueue *q, Pairs *p, RigidList *list)
+static PetscErrorCode close_pairs(FlowSolver fs, Pairs *p, RigidList *list)
 {
-  DeviceRigid *r = &list->on;
-  int         *start, *node, *body;
-  PetscReal   *arm;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(p->nbody + 2, &start));
-  PetscCall(PetscMalloc3(p->n, &node, p->n, &body, p->n * 4, &arm));
-  for (PetscInt i = 0; i < p->n; i++) start[p->body[i] + 2]++;
-  for (PetscInt k = 0; k < p->nbody; k++) start[k + 1] += start[k];
-  for (PetscInt i = 0; i < p->n; i++) { /* start[k + 1]: where the next of body k goes */
-    const PetscInt at = start[p->body[i] + 1]++;
-
-    node[at] = p->node[i];
-    body[at] = (int)p->body[i];
-    for (PetscInt m = 0; m < 4; m++) arm[m * p->n + at] = p->arm[i * 4 + m];
-  }
-  r->n     = (int)p->n;
-  r->nbody = (int)p->nbody;
-  PetscCall(DeviceRenew(q, p->nbody + 1, start, &r->start, &list->capacity[0]));
-  PetscCall(DeviceRenew(q, p->n, node, &r->node, &list->capacity[1]));
-  PetscCall(DeviceRenew(q, p->n, body, &r->body, &list->capacity[2]));
-  PetscCall(DeviceRenew(q, p->n * 4, arm, &r->arm, &list->capacity[3]));
-  PetscCall(PetscFree(start));
-  PetscCall(PetscFree3(node, body, arm));
+  PetscCall(DevicePairsRenew(FlowGetQueue(fs->flow), p->n, ConstraintGetView(fs->constraint)->nlocal, 4, p->body,
+                             p->node, p->arm, &list->on, list->capacity));
   PetscCall(PetscFree3(p->body, p->node, p->arm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode free_list(const DeviceQueue *q, RigidList *list)
-{
-  PetscFunctionBeginUser;
-  PetscCall(DeviceFree(q, &list->on.start));
-  PetscCall(DeviceFree(q, &list->on.node));
-  PetscCall(DeviceFree(q, &list->on.body));
-  PetscCall(DeviceFree(q, &list->on.arm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -83,12 +50,11 @@ static void find_arm(const ConstraintView *c, PetscInt i, PetscInt k, PetscReal 
 static PetscErrorCode list_rigid_nodes(FlowSolver fs)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q = FlowGetQueue(fs->flow);
   Pairs                 place, relative;
 
   PetscFunctionBeginUser;
-  PetscCall(open_pairs(c->nbody_nodes, c->nlocal, &place));
-  PetscCall(open_pairs(c->nbody_nodes, c->nlocal, &relative));
+  PetscCall(open_pairs(c->nbody_nodes, &place));
+  PetscCall(open_pairs(c->nbody_nodes, &relative));
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = ConstraintGetMover(c, i), held = c->node_body[i] >= 0;
     const PetscInt without = held ? 0 : c->fixed[i];
@@ -102,8 +68,8 @@ static PetscErrorCode list_rigid_nodes(FlowSolver fs)
     for (PetscInt a = 0; a < 3; a++) arm[a] *= fraction;
     add_pair(&relative, c->local_index[k], i, without, fraction, arm);
   }
-  PetscCall(close_pairs(q, &place, &fs->device.body.place));
-  PetscCall(close_pairs(q, &relative, &fs->device.body.relative));
+  PetscCall(close_pairs(fs, &place, &fs->device.body.place));
+  PetscCall(close_pairs(fs, &relative, &fs->device.body.relative));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -114,11 +80,11 @@ static PetscErrorCode list_penalty(FlowSolver fs)
   Pairs                 p;
 
   PetscFunctionBeginUser;
-  PetscCall(open_pairs(s ? s->n : 0, c->nlocal, &p));
+  PetscCall(open_pairs(s ? s->n : 0, &p));
   for (PetscInt e = 0; s && e < s->n; e++)
     if (ConstraintHasUnknown(c, s->body[e]))
       add_pair(&p, c->local_index[s->body[e]], s->node[e], 0, s->g[e * 4], s->g + e * 4 + 1);
-  PetscCall(close_pairs(FlowGetQueue(fs->flow), &p, &fs->device.body.penalty));
+  PetscCall(close_pairs(fs, &p, &fs->device.body.penalty));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -129,11 +95,11 @@ static PetscErrorCode list_coupling(FlowSolver fs)
 
   PetscFunctionBeginUser;
   BodyCouplingGetView(fs->body.coupling, &v);
-  PetscCall(open_pairs(v.nnode ? v.start[v.nnode] : 0, ConstraintGetView(fs->constraint)->nlocal, &p));
+  PetscCall(open_pairs(v.nnode ? v.start[v.nnode] : 0, &p));
   for (PetscInt i = 0; i < v.nnode; i++)
     for (PetscInt e = v.start[i]; e < v.start[i + 1]; e++)
       add_pair(&p, v.body[e], v.node[i], 0, v.e[e * 4], v.e + e * 4 + 1);
-  PetscCall(close_pairs(FlowGetQueue(fs->flow), &p, &fs->device.body.coupling));
+  PetscCall(close_pairs(fs, &p, &fs->device.body.coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -162,10 +128,10 @@ PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver fs)
   BodiesOnDevice    *b = &fs->device.body;
 
   PetscFunctionBeginUser;
-  PetscCall(free_list(q, &b->place));
-  PetscCall(free_list(q, &b->penalty));
-  PetscCall(free_list(q, &b->coupling));
-  PetscCall(free_list(q, &b->relative));
+  PetscCall(DevicePairsDestroy(q, &b->place.on));
+  PetscCall(DevicePairsDestroy(q, &b->penalty.on));
+  PetscCall(DevicePairsDestroy(q, &b->coupling.on));
+  PetscCall(DevicePairsDestroy(q, &b->relative.on));
   PetscCall(DeviceFree(q, &b->U));
   PetscCall(DeviceFree(q, &b->sum));
   PetscCall(PetscFree2(b->here, b->slots));

@@ -150,9 +150,9 @@ typedef struct {
   PetscReal scale;    /* of its step */
 } KeptFactor;
 
-/* A list of DeviceRigid, and how long its arrays may become */
+/* A list of nodes, and how long its arrays may become */
 typedef struct {
-  DeviceRigid on;
+  DevicePairs on;
   size_t      capacity[4];
 } RigidList;
 

@@ -99,7 +99,7 @@ static void test_rigid(void **state)
   DeviceQueue q = {.run = DeviceGetKernels("cpu")};
   int         start[NBODY + 1], body[N], node[N];
   double arm[4 * N], U[NBODY * 6], x[N * 3], y[N * 3] = {0}, want[N * 3] = {0}, out[NBODY * 6], sum[NBODY * 6] = {0};
-  DeviceRigid r = {N, NBODY, start, node, body, arm};
+  DevicePairs r = {N, NBODY, start, node, body, arm};
 
   (void)state;
   make_list(N, start, body);
@@ -131,7 +131,7 @@ static void test_blocks(void **state)
   DeviceQueue q = {.run = DeviceGetKernels("cpu")};
   int         start[NBODY + 1], body[N], cell[N];
   double w[24 * N], U[NBODY * 6], x[N * 4], y[N * 4] = {0}, want[N * 4] = {0}, out[NBODY * 6], sum[NBODY * 6] = {0};
-  DeviceBlocks b = {N, NBODY, start, cell, body, w};
+  DevicePairs b = {N, NBODY, start, cell, body, w};
 
   (void)state;
   make_list(N, start, body);

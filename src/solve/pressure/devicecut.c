@@ -7,39 +7,6 @@
 
 /* ---- lists of a step ---- */
 
-/* W by bodies */
-static PetscErrorCode list_cut(Pressure p, struct _p_PressureDevice *d)
-{
-  const DeviceQueue *q = d->queue;
-  const PetscInt     n = p->cut.n, nbody = ConstraintGetView(p->constraint)->nlocal;
-  DeviceBlocks      *b = &d->cycle.body;
-  int               *start, *cell, *body;
-  PetscReal         *w;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(nbody + 2, &start));
-  PetscCall(PetscMalloc3(n, &cell, n, &body, n * 24, &w));
-  for (PetscInt i = 0; i < n; i++) start[p->cut.local[i] + 2]++;
-  for (PetscInt k = 0; k < nbody; k++) start[k + 1] += start[k];
-  for (PetscInt i = 0; i < n; i++) { /* start[k + 1]: where the next of body k goes */
-    const PetscInt at = start[p->cut.local[i] + 1]++;
-
-    cell[at] = (int)p->cut.cell[i];
-    body[at] = (int)p->cut.local[i];
-    for (PetscInt e = 0; e < 24; e++) w[e * n + at] = p->cut.w[i * 24 + e];
-  }
-  b->n     = (int)n;
-  b->nbody = (int)nbody;
-  PetscCall(DeviceRenew(q, nbody + 1, start, &b->start, &d->capacity[0]));
-  PetscCall(DeviceRenew(q, n, cell, &b->cell, &d->capacity[1]));
-  PetscCall(DeviceRenew(q, n, body, &b->body, &d->capacity[2]));
-  PetscCall(DeviceRenew(q, n * 24, w, &b->w, &d->capacity[3]));
-  PetscCall(DeviceRenew(q, nbody * 6, NULL, &d->cycle.U, &d->capacity[4]));
-  PetscCall(PetscFree3(cell, body, w));
-  PetscCall(PetscFree(start));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode list_cells(Pressure p, struct _p_PressureDevice *d)
 {
   const DeviceQueue *q = d->queue;
@@ -65,7 +32,7 @@ static PetscErrorCode list_cells(Pressure p, struct _p_PressureDevice *d)
 PetscErrorCode PressureListBodiesOnDevice(Pressure p)
 {
   struct _p_PressureDevice *d = p->device;
-  const PetscInt            n = p->loc->ncell * 4;
+  const PetscInt            n = p->loc->ncell * 4, nlocal = ConstraintGetView(p->constraint)->nlocal;
   PetscReal                *constant;
 
   PetscFunctionBeginUser;
@@ -78,7 +45,9 @@ PetscErrorCode PressureListBodiesOnDevice(Pressure p)
     PetscCall(DeviceTake(d->queue, DEVICE_PARTIAL + 2, NULL, &d->sums));
     PetscCall(PetscFree(constant));
   }
-  PetscCall(list_cut(p, d));
+  PetscCall(
+    DevicePairsRenew(d->queue, p->cut.n, nlocal, 24, p->cut.local, p->cut.cell, p->cut.w, &d->cycle.body, d->capacity));
+  PetscCall(DeviceRenew(d->queue, nlocal * 6, NULL, &d->cycle.U, &d->capacity[4]));
   PetscCall(list_cells(p, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -89,10 +58,7 @@ PetscErrorCode PressureFreeBodiesOnDevice(Pressure p)
   const DeviceQueue        *q = d->queue;
 
   PetscFunctionBeginUser;
-  PetscCall(DeviceFree(q, &d->cycle.body.start));
-  PetscCall(DeviceFree(q, &d->cycle.body.cell));
-  PetscCall(DeviceFree(q, &d->cycle.body.body));
-  PetscCall(DeviceFree(q, &d->cycle.body.w));
+  PetscCall(DevicePairsDestroy(q, &d->cycle.body));
   PetscCall(DeviceFree(q, &d->cycle.U));
   PetscCall(DeviceFree(q, &d->cycle.shifted));
   PetscCall(DeviceFree(q, &d->interior));
