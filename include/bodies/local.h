@@ -112,5 +112,7 @@ PetscErrorCode BodiesScatterRows(Bodies, const BodyRows *, size_t bytes, const v
 PetscErrorCode BodiesEndRows(BodyRows *);
 /* Saves or loads v [n][width] under `name`: the same file whether bodies are spread or not. Collective. */
 PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
+/* As BodiesVisitReals, with rows of its own, of what a file may lack: v stays then. Collective. */
+PetscErrorCode BodiesVisitOptional(Bodies, State, const char name[], PetscInt width, PetscReal v[]);
 /* As BodiesVisitReals, v [n]. Collective. */
 PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);

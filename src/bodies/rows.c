@@ -141,6 +141,20 @@ PetscErrorCode BodiesVisitReals(Bodies b, const BodyRows *rows, State state, con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesVisitOptional(Bodies b, State state, const char name[], PetscInt width, PetscReal v[])
+{
+  PetscBool has;
+  BodyRows  rows;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, name, &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesBeginRows(b, &rows));
+  PetscCall(BodiesVisitReals(b, &rows, state, name, width, v));
+  PetscCall(BodiesEndRows(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesVisitIntegers(Bodies b, const BodyRows *rows, State state, const char name[], PetscInt v[])
 {
   PetscInt64 *wide;

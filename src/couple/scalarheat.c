@@ -150,14 +150,8 @@ void ScalarHeatAccept(ScalarHeat *h, Couple c)
 
 PetscErrorCode ScalarHeatVisit(ScalarHeat *h, Couple c, State state)
 {
-  PetscBool has;
-  BodyRows  rows;
-
   PetscFunctionBeginUser;
-  PetscCall(StateHas(state, "body_heat", &has));
-  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: the books begin anew */
-  PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "body_heat", NUMBERS * h->n, (PetscReal *)h->last));
-  PetscCall(BodiesEndRows(&rows));
+  /* after a run without the books begin anew */
+  PetscCall(BodiesVisitOptional(c->bodies, state, "body_heat", NUMBERS * h->n, (PetscReal *)h->last));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -120,17 +120,11 @@ PetscErrorCode BodyLumpsAccept(BodyLumps s, Couple c)
 
 PetscErrorCode BodyLumpsVisit(BodyLumps s, Couple c, State state)
 {
-  PetscBool has;
-  BodyRows  rows;
-
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   start(s, c);
-  PetscCall(StateHas(state, "body_lumps", &has));
-  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: they begin anew */
-  PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "body_lumps", NUMBERS * s->n, s->value));
-  PetscCall(BodiesEndRows(&rows));
+  /* after a run without they begin anew */
+  PetscCall(BodiesVisitOptional(c->bodies, state, "body_lumps", NUMBERS * s->n, s->value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

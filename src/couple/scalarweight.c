@@ -105,15 +105,9 @@ PetscErrorCode ScalarWeightAccept(ScalarWeight *w, Couple c, Scalars scalars)
 
 PetscErrorCode ScalarWeightVisit(ScalarWeight *w, Couple c, State state)
 {
-  PetscBool has;
-  BodyRows  rows;
-
   PetscFunctionBeginUser;
   if (!w->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateHas(state, "body_weight", &has));
-  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: they begin anew */
-  PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "body_weight", NUMBERS * w->n, w->last));
-  PetscCall(BodiesEndRows(&rows));
+  /* after a run without they begin anew */
+  PetscCall(BodiesVisitOptional(c->bodies, state, "body_weight", NUMBERS * w->n, w->last));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
