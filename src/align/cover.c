@@ -25,7 +25,7 @@ static PetscErrorCode cover_image(Align s, PetscInt k, PetscInt image, const Pet
     for (PetscInt i = 0; i < m; i++) {
       const PetscInt c = l->centre_cell[node[i]];
 
-      if (s->surfaces->closed && s->surfaces->closed[c]) continue;
+      if (AlignIsClosed(s, c)) continue;
       if (dist[i] >= -TIE * s->grid.size[node[i]] || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
       if (!s->cover[c]) PetscCall(AlignListAdd(&s->covered, c));
       s->cover[c]       = k + 1;

@@ -229,6 +229,12 @@ static inline PetscErrorCode AlignProject(Align s, PetscInt k, PetscInt n, const
   return s->surfaces->project(s->surfaces->ctx, k, n, x, y);
 }
 
+/* May no surface cover own cell c? */
+static inline PetscBool AlignIsClosed(Align s, PetscInt c)
+{
+  return (PetscBool)(s->surfaces->closed && s->surfaces->closed[c]);
+}
+
 /* Do the cells inside surface k leave the fluid? */
 static inline PetscBool AlignIsInactive(Align s, PetscInt k)
 {

@@ -176,7 +176,7 @@ static PetscErrorCode fill_marked(Align s, PetscBool *any)
       for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
         const PetscInt c = l->node_cell[m], centre = AlignCentre(s, c);
 
-        if (c < l->ncell && s->work[centre] > 0 && !s->cover[c] && only_solid(s, c)) {
+        if (c < l->ncell && s->work[centre] > 0 && !s->cover[c] && !AlignIsClosed(s, c) && only_solid(s, c)) {
           PetscCall(AlignListAdd(&fill, c));
           PetscCall(AlignListAdd(&copy, only_solid(s, c)));
         }

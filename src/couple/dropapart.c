@@ -105,6 +105,26 @@ static PetscErrorCode open_cells(CoupleDrops *f, Couple c, Labels *t, PetscBool 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nor become drops' the cells of the fluid around that touch two drops that stay apart, when the mesh is mended
+   (align/repair.c) */
+static void close_between(CoupleDrops *f, const MeshLocal *l, const Labels *t)
+{
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    PetscInt first = -1;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[e * l->nb + j];
+
+      for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+        const PetscInt number = (PetscInt)t->number[l->cell_node[l->node_cell[q] * l->nb + l->nb / 2]];
+
+        if (DropsAreApart(f->s, first, number)) f->closed[e] = PETSC_TRUE;
+        if (first < 0) first = number;
+      }
+    }
+  }
+}
+
 PetscErrorCode DropsSetFilm(CoupleDrops *f, Couple c)
 {
   const DropsState *s     = f->s;
@@ -138,6 +158,7 @@ PetscErrorCode DropsKeepApart(CoupleDrops *f, Couple c)
   PetscCall(PetscCalloc3(c->loc->nnode_all, &t.number, c->loc->nnode_all, &t.depth, c->loc->nnode_all, &t.mark));
   PetscCall(label_cells(f, c, &t));
   while (any) PetscCall(open_cells(f, c, &t, &any));
+  close_between(f, c->loc, &t);
   PetscCall(PetscFree3(t.number, t.depth, t.mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

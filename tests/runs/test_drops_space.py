@@ -81,6 +81,17 @@ def test_restart(drops, stop):
     assert drops(*options, "-sim_steps", "3", "-sim_restart", "latest", folder="part")[0] == whole and len(whole) == 3
 
 
+def test_apart(drops):
+    """Two drops that do not merge, one cell between them: it is not filled when the mesh is mended."""
+    other = {"shape": "circle", "radius": "0.3", "position": "1.29,0.5,0.5", "material": "fluid", "surface_tension": "1", "coalescence": "never"}
+    options = [word for name, value in other.items() for word in (f"-particle_other_{name}", value)]
+    rows, series = drops(
+        *["-mesh_cells", "16,8,8", "-mesh_upper", "2,1,1", "-particle_groups", "drop,other", "-particle_drop_radius", "0.3", *options],
+        *["-particle_drop_position", "0.59,0.5,0.5", "-particle_drop_coalescence", "never", "-sim_steps", "1"],
+    )
+    assert series[0]["drops"] == 2 and [row["volume"] for row in rows] == pytest.approx([4 * math.pi / 3 * 0.027] * 2, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
