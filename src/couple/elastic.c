@@ -69,7 +69,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(VecDestroy(&e->fs));
   PetscCall(VecDestroy(&e->all));
   PetscCall(VecScatterDestroy(&e->gather));
-  PetscCall(PetscFree5(e->x, e->a, e->u, e->load, e->change));
+  PetscCall(PetscFree6(e->x, e->a, e->u, e->end, e->load, e->change));
   c->elastic = NULL;
   PetscCall(ElasticSurfacesDestroy(&e->surfaces));
   PetscCall(PetscFree(e->corner));
@@ -178,25 +178,13 @@ static PetscErrorCode prepare(Couple c, void *data)
 /* What rigid bodies take of the contact, all ranks together, to the right of their rows */
 static PetscErrorCode push_bodies(const Elastic *e, Couple c)
 {
-  const PetscInt nr = c->nr;
-  PetscReal     *push, sum[6];
+  PetscReal *push;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(c->s->n * nr, &push));
-  for (PetscInt i = 0; i < e->contacts.n; i++) {
-    const ElasticContact *t = e->contacts.list + i;
-    PetscReal             force[3], arm[3] = {0, 0, 0}, torque[3];
-
-    if (t->body < 0) continue;
-    for (PetscInt a = 0; a < 3; a++) force[a] = -t->force * t->n[a];
-    for (PetscInt a = 0; a < c->loc->dim; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
-    cross(arm, force, torque);
-    PetscCall(RigidReduceForce(c->bodies, t->body, c->rigid.q[t->body], force, torque, sum));
-    for (PetscInt j = 0; j < nr; j++) push[t->body * nr + j] += sum[j];
-  }
-  PetscCall(BodiesSumLocal(c->bodies, nr, push));
-  for (PetscInt i = 0; i < c->s->n * nr; i++) c->rigid.g[i] += push[i];
+  PetscCall(PetscCalloc1(c->s->n * c->nr, &push));
+  PetscCall(ElasticPushBodies(e, c, push));
+  for (PetscInt i = 0; i < c->s->n * c->nr; i++) c->rigid.g[i] += push[i];
   PetscCall(PetscFree(push));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -211,7 +199,7 @@ static PetscErrorCode assemble(Couple c, void *data)
 
 /* e->load [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
    bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow, and its inertia and
-   weight there */
+   weight there. e->supplied: the power of what prescribes the others, against that */
 static PetscErrorCode measure_force(Elastic *e, Couple c)
 {
   const MeshLocal     *l   = c->loc;
@@ -243,6 +231,10 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
   PetscCall(VecRestoreArrayRead(residual, &r));
   PetscCall(VecRestoreArrayRead(weight, &w));
   if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, one, e->load);
+  for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = body[i / dim] < 0 ? (1 - one[i]) * c->field.u[i] : 0;
+  PetscCall(MatMult(e->P, free, weight));
+  PetscCall(VecDot(residual, weight, &e->supplied));
+  e->supplied = -e->supplied;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, e->load, e->s->n * dim, MPIU_REAL, MPIU_SUM, c->comm));
   PetscCall(VecDestroy(&free));
   PetscCall(VecDestroy(&weight));
@@ -278,6 +270,7 @@ static PetscErrorCode solved(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(ElasticTakeVelocity(e, c, c->field.u));
+  for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->end[i] = e->a[i] + e->u[i] / c->step->ct;
   PetscCall(measure_force(e, c));
   measure_change(e, c->step);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -297,46 +290,17 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s */
-static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
-{
-  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
-  PetscReal        half = 0;
-
-  for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
-  for (PetscInt i = 0; i < m->ncell * m->nq; i++)
-    for (PetscInt a = 0; a < m->dim; a++) {
-      const PetscReal *phi = m->phi + i % m->nq * m->nb;
-      PetscReal        v   = 0;
-
-      for (PetscInt j = 0; j < m->nb; j++)
-        v += phi[j] * e->u[m->dim * (e->s->first[k] + m->cell_node[i / m->nq * m->nb + j]) + a];
-      half += 0.5 * m->weight[i] * v * v;
-      sum[a] += m->weight[i] * v;
-    }
-  return half;
-}
-
-/* Kinetic energy of what the flow does not count, strain energy, and the power of the weight in excess of the
-   fluid's */
 static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
-  Elastic     *e = (Elastic *)data;
-  SolidsState *s = e->s;
-
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->nnode * s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
-  for (PetscInt k = 0; k < s->n; k++) {
-    const SolidGroup *g     = s->group + s->group_of[k];
-    const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
-    PetscReal         u[3], half = kinetic(e, k, u);
-    SolidSums         sums;
+  ElasticAddEnergy((const Elastic *)data, c, w);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
-    SolidMeasure(&g->mesh, &g->material, e->x + s->dim * s->first[k], &sums);
-    w->energy += (g->density - inner) * half + sums.strain_energy;
-    w->size += g->density * half + sums.strain_energy;
-    for (PetscInt a = 0; a < s->dim; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * u[a];
-  }
+static PetscErrorCode add_losses(Couple c, void *data, CoupleLosses *w)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ElasticAddLosses((const Elastic *)data, c, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -345,8 +309,7 @@ static PetscErrorCode advance(Couple c, void *data)
   Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
-  PetscCall(SolidsAccept(e->solids, c->step->dt, e->x, e->u));
+  PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -388,6 +351,7 @@ static const CoupleParticipant ELASTIC = {.name         = "elastic",
                                           .solved       = solved,
                                           .balance      = balance,
                                           .energy       = add_energy,
+                                          .losses       = add_losses,
                                           .advance      = advance,
                                           .discard      = discard,
                                           .after_remesh = make_on_mesh,
@@ -470,7 +434,8 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(check_solver(c, e->s));
   PetscCall(choose_method(e, c));
   n = e->s->nnode * e->s->dim;
-  PetscCall(PetscMalloc5(n, &e->x, n, &e->a, n, &e->u, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim, &e->change));
+  PetscCall(PetscMalloc6(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
+                         &e->change));
   PetscCall(PetscArrayzero(e->load, e->s->n * e->s->dim));
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;

@@ -51,10 +51,10 @@ typedef struct Elastic {
   PetscReal      *corner;   /* [][dim] theirs at the start, lent to the boundary method */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
-  PetscReal      *x, *a, *u;   /* u: velocities as solved */
-  ElasticPoints   node, point; /* nodes of the solids; their quadrature points */
-  Mat             P, K, E;     /* map, matrix of the solids, P^T K P */
-  Vec             us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
+  PetscReal      *x, *a, *u, *end; /* u: velocities as solved, end: positions at its end with them */
+  ElasticPoints   node, point;     /* nodes of the solids; their quadrature points */
+  Mat             P, K, E;         /* map, matrix of the solids, P^T K P */
+  Vec             us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter      gather;
   PetscReal      *force;           /* [own nodes][dim] on the flow */
   PetscReal      *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
@@ -70,8 +70,9 @@ typedef struct Elastic {
   ElasticContacts contacts;
   PetscInt        nvolume, volume_capacity, *volume_cell;
   PetscReal      *volume_C, *volume_g;
-  PetscReal      *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
-  PetscReal      *change; /* [solids][dim] int c_t u_s - d(u_s) */
+  PetscReal       supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
+  PetscReal      *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal      *change;   /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 
 /* Is solid k one that the mesh follows in this step? */
@@ -89,3 +90,11 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
+/* rows [bodies][nr] += what contact gives rigid bodies in this step, all ranks together. Collective. */
+PetscErrorCode ElasticPushBodies(const Elastic *, Couple, PetscReal rows[]);
+/* Of the step solved: kinetic energy of what the flow does not count, strain energy, the power of the weight in excess
+   of the fluid's and of what holds nodes of the flow. Not collective, all ranks the same. */
+void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
+/* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
+   it gives back what it took as bodies part. Collective. */
+PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);

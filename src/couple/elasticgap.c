@@ -372,28 +372,34 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Spring on the way from x* of nodes i[] with weights w[] along n, in matrix and force */
-PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
+/* Contact t pushes the unknowns row[n] along v[n], with force[n] less rate v . (the way from x*) */
+static PetscInt list_unknowns(const Elastic *e, const ElasticContact *t, PetscInt row[], PetscReal v[])
 {
   const PetscInt dim = e->s->dim, nb = dim == 2 ? 3 : 9;
+  PetscBool      both = PETSC_FALSE;
 
+  for (PetscInt j = 0; j < nb; j++) both = (PetscBool)(both || t->weight[j] != 0);
+  for (PetscInt i = 0; i < dim * (both ? 1 + nb : 1); i++) {
+    const PetscInt j = i / dim, a = i % dim;
+
+    row[i] = dim * (j ? t->other[j - 1] : t->node) + a;
+    v[i]   = (j ? -t->weight[j - 1] : 1) * t->n[a];
+  }
+  return dim * (both ? 1 + nb : 1);
+}
+
+/* Spring on the way from x*, in matrix and force */
+PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
+{
   PetscFunctionBeginUser;
   for (PetscInt m = 0; m < e->contacts.n; m++) {
-    const ElasticContact *t    = e->contacts.list + m;
-    PetscBool             both = PETSC_FALSE;
+    const ElasticContact *t = e->contacts.list + m;
     PetscInt              n, row[3 * (1 + ELASTIC_SIDE)];
     PetscReal             v[3 * (1 + ELASTIC_SIDE)], f[3 * (1 + ELASTIC_SIDE)], A[9 * PetscSqr(1 + ELASTIC_SIDE)];
     PetscReal             force = t->force;
 
-    for (PetscInt j = 0; j < nb; j++) both = (PetscBool)(both || t->weight[j] != 0);
-    n = dim * (both ? 1 + nb : 1);
-    for (PetscInt i = 0; i < n; i++) {
-      const PetscInt j = i / dim, a = i % dim;
-
-      row[i] = dim * (j ? t->other[j - 1] : t->node) + a;
-      v[i]   = (j ? -t->weight[j - 1] : 1) * t->n[a];
-      force -= t->rate * v[i] * (e->a[row[i]] - e->x[row[i]]);
-    }
+    n = list_unknowns(e, t, row, v);
+    for (PetscInt i = 0; i < n; i++) force -= t->rate * v[i] * (e->a[row[i]] - e->x[row[i]]);
     for (PetscInt i = 0; i < n; i++) {
       f[i] = force * v[i];
       for (PetscInt j = 0; j < n; j++) A[i * n + j] = bdt * t->rate * v[i] * v[j];
@@ -401,5 +407,48 @@ PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
     PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
     PetscCall(VecSetValues(e->fs, n, row, f, ADD_VALUES));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal ElasticContactPower(const Elastic *e)
+{
+  PetscReal power = 0;
+
+  for (PetscInt m = 0; m < e->contacts.n; m++) {
+    const ElasticContact *t = e->contacts.list + m;
+    PetscInt              n, row[3 * (1 + ELASTIC_SIDE)];
+    PetscReal             v[3 * (1 + ELASTIC_SIDE)], force = t->force, speed = 0;
+
+    n = list_unknowns(e, t, row, v);
+    for (PetscInt i = 0; i < n; i++) {
+      force -= t->rate * v[i] * (e->end[row[i]] - e->x[row[i]]);
+      speed += v[i] * e->u[row[i]];
+    }
+    power += force * speed;
+  }
+  return power;
+}
+
+PetscErrorCode ElasticPushBodies(const Elastic *e, Couple c, PetscReal rows[])
+{
+  const PetscInt nr = c->nr;
+  PetscReal     *push, sum[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->s->n * nr, &push));
+  for (PetscInt i = 0; i < e->contacts.n; i++) {
+    const ElasticContact *t = e->contacts.list + i;
+    PetscReal             force[3], arm[3] = {0, 0, 0}, torque[3];
+
+    if (t->body < 0) continue;
+    for (PetscInt a = 0; a < 3; a++) force[a] = -t->force * t->n[a];
+    for (PetscInt a = 0; a < c->loc->dim; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
+    cross(arm, force, torque);
+    PetscCall(RigidReduceForce(c->bodies, t->body, c->rigid.q[t->body], force, torque, sum));
+    for (PetscInt j = 0; j < nr; j++) push[t->body * nr + j] += sum[j];
+  }
+  PetscCall(BodiesSumLocal(c->bodies, nr, push));
+  for (PetscInt i = 0; i < c->s->n * nr; i++) rows[i] += push[i];
+  PetscCall(PetscFree(push));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -12,3 +12,5 @@
 PetscErrorCode ElasticFindContacts(Elastic *, Couple);
 /* To the matrix and the force of the solids. Not collective. */
 PetscErrorCode ElasticAddContacts(const Elastic *, PetscReal bdt);
+/* Of the step solved: power of contact on elastic solids, what this rank found. Not collective. */
+PetscReal ElasticContactPower(const Elastic *);

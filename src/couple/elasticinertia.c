@@ -205,3 +205,20 @@ void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const 
       }
   }
 }
+
+void ElasticInertiaPower(const ElasticInertia *in, const MeshLocal *l, const PetscReal u[], PetscReal *terms,
+                         PetscReal *force)
+{
+  const PetscInt nb = l->nb, dim = l->dim;
+
+  *terms = *force = 0;
+  for (PetscInt e = 0; e < in->n; e++) {
+    const PetscInt  *node = l->cell_node + in->cell[e] * nb;
+    const PetscReal *M    = in->matrix + e * nb * nb;
+
+    if (in->cell[e] >= l->ncell) continue;
+    for (PetscInt i = 0; i < nb * nb; i++)
+      for (PetscInt a = 0; a < dim; a++) *terms += u[node[i / nb] * dim + a] * M[i] * u[node[i % nb] * dim + a];
+  }
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) *force += in->nodal[i] * u[i];
+}

@@ -56,8 +56,6 @@ PetscErrorCode BooksCreate(const SimComponents *sim, Books *books)
   if (constant && implicit) PetscCall(is_default(sim, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(!sim->solids, RunComm(), PETSC_ERR_SUP,
-             "-monitor_energy true does not count the energy of elastic particles: remove it; column solid_energy_<group> has what they store");
   PetscCheck(constant, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
   PetscCheck(implicit, RunComm(), PETSC_ERR_SUP,

@@ -1,0 +1,148 @@
+/* Elastic, power: energy of elastic solids, what acts on them from outside, and where their energy goes (elastic.h). */
+#include "compat.h"
+#include "elastic.h"
+#include "elasticgap.h"
+#include "impl.h"
+#include "bodies/local.h"
+
+/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s */
+static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
+{
+  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
+  PetscReal        half = 0;
+
+  for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++)
+    for (PetscInt a = 0; a < m->dim; a++) {
+      const PetscReal *phi = m->phi + i % m->nq * m->nb;
+      PetscReal        v   = 0;
+
+      for (PetscInt j = 0; j < m->nb; j++)
+        v += phi[j] * e->u[m->dim * (e->s->first[k] + m->cell_node[i / m->nq * m->nb + j]) + a];
+      half += 0.5 * m->weight[i] * v * v;
+      sum[a] += m->weight[i] * v;
+    }
+  return half;
+}
+
+void ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
+{
+  const SolidsState *s = e->s;
+
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g     = s->group + s->group_of[k];
+    const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
+    PetscReal         u[3], half = kinetic(e, k, u);
+    SolidSums         sums;
+
+    SolidMeasure(&g->mesh, &g->material, e->end + s->dim * s->first[k], &sums);
+    w->energy += (g->density - inner) * half + sums.strain_energy;
+    w->size += g->density * half + sums.strain_energy;
+    for (PetscInt a = 0; a < s->dim; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * u[a];
+  }
+  w->power += e->supplied;
+}
+
+/* Power of the weight: that in excess of the fluid's of immersed solids, all of those that the mesh follows */
+static PetscReal weight_power(const Elastic *e, Couple c)
+{
+  PetscReal power = 0;
+
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const PetscReal density = e->s->group[e->s->group_of[k]].density;
+    PetscReal       u[3];
+
+    (void)kinetic(e, k, u);
+    for (PetscInt a = 0; a < e->s->dim; a++)
+      power += (density - (ElasticIsLined(e, k) ? 0 : c->par->density)) * c->par->gravity[a] * u[a];
+  }
+  return power;
+}
+
+/* Of the cells of solids that this rank has: what their own viscosity takes */
+static PetscReal viscous_power(const Elastic *e)
+{
+  const SolidsState *s     = e->s;
+  PetscReal          power = 0;
+
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
+    const SolidMesh  *m = &g->mesh;
+    const PetscInt    n = m->nb * m->dim;
+
+    for (PetscInt cell = 0; cell < m->ncell && g->viscosity != 0; cell++) {
+      const PetscInt first = s->first[k] + m->cell_node[cell * m->nb];
+      PetscReal      x[SOLID_MAX_N], u[SOLID_MAX_N], V[SOLID_MAX_N * SOLID_MAX_N];
+
+      if (first < e->nodes[0] || first >= e->nodes[1]) continue;
+      SolidGather(m, cell, e->x + m->dim * s->first[k], x);
+      SolidGather(m, cell, e->u + m->dim * s->first[k], u);
+      SolidCellViscosity(m, cell, x, V);
+      for (PetscInt i = 0; i < n * n; i++) power += g->viscosity * u[i / n] * V[i] * u[i % n];
+    }
+  }
+  return power;
+}
+
+/* p . (C p - g): what the pressure does on the volumes of solids, by this rank's cells */
+static PetscReal volume_power(const Elastic *e, const PetscReal p[])
+{
+  const PetscInt nk    = e->s->dim + 1;
+  PetscReal      power = 0;
+
+  for (PetscInt i = 0; i < e->nvolume; i++) {
+    const PetscReal *own = p + nk * e->volume_cell[i], *C = e->volume_C + i * nk * nk, *g = e->volume_g + i * nk;
+
+    for (PetscInt j = 0; j < nk; j++) {
+      power -= own[j] * g[j];
+      for (PetscInt b = 0; b < nk; b++) power += own[j] * C[j * nk + b] * own[b];
+    }
+  }
+  return power;
+}
+
+/* us . (K us - fs): inertia, stress, viscosity, less contact and weight; the same on all ranks */
+static PetscErrorCode total_power(const Elastic *e, PetscReal *power)
+{
+  Vec       force;
+  PetscReal given;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(e->us, &force));
+  PetscCall(MatMult(e->K, e->us, force));
+  PetscCall(VecDot(force, e->us, power));
+  PetscCall(VecDot(e->fs, e->us, &given));
+  PetscCall(VecDestroy(&force));
+  *power -= given;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *power += what contact does on rigid bodies that this rank owns */
+static PetscErrorCode push_power(const Elastic *e, Couple c, PetscReal *power)
+{
+  PetscReal *push;
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(c->s->n * c->nr, &push));
+  PetscCall(ElasticPushBodies(e, c, push));
+  for (PetscInt i = 0; i < c->s->n * c->nr; i++)
+    if (c->s->own[i / c->nr]) *power += push[i] * c->rigid.U[i];
+  PetscCall(PetscFree(push));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
+{
+  PetscReal total, sum[6] = {viscous_power(e), ElasticContactPower(e), volume_power(e, c->field.p)};
+
+  PetscFunctionBeginUser;
+  PetscCall(total_power(e, &total));
+  PetscCall(push_power(e, c, &sum[5]));
+  if (e->align) ElasticInertiaPower(&e->inertia, c->loc, c->field.u, &sum[3], &sum[4]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, c->comm));
+  w->viscous += sum[0];
+  w->boundary -= sum[1] + sum[5] + sum[2] + sum[3];
+  w->inertia += total + weight_power(e, c) - sum[0] + sum[1] + sum[2] + sum[3] - sum[4];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
