@@ -1,6 +1,7 @@
 /* SolidFields: snapshots of elastic solids, solid_<step>.h5 and solid_<step>.xdmf for ParaView: their meshes as they
    are, displacement and velocity at the nodes, Cauchy stress of the law (without the pressure of the flow) and J in the
-   cells. Rank 0 writes, since all ranks have all. Called by run. */
+   cells; of membranes edges or faces, with tensions (force/length) and J of the area. Rank 0 writes, since all ranks
+   have all. Called by run. */
 #pragma once
 #include "solid/solid.h"
 

@@ -18,7 +18,8 @@ PetscReal SolidCellForce(const SolidMesh *, const SolidMaterial *, PetscInt c, c
 void SolidCellMass(const SolidMesh *, PetscInt c, PetscReal m[]);
 /* V [nb * dim][nb * dim] = 2 eta int D(phi_i) : D(phi_j) over the cell as it is at x, with eta = 1 */
 void SolidCellViscosity(const SolidMesh *, PetscInt c, const PetscReal x[], PetscReal V[]);
-/* F [dim][dim] at quadrature point q of cell c for positions x [nb][dim] of its nodes; returns J */
+/* F [dim][nd] at quadrature point q of cell c for positions x [nb][dim] of its nodes; returns J, of membranes that of
+   the area */
 PetscReal SolidGradient(const SolidMesh *, PetscInt c, PetscInt q, const PetscReal x[], PetscReal F[]);
 /* Positions x [nnode][dim] of the whole solid: those of cell c into xc [nb][dim] */
 static inline void SolidGather(const SolidMesh *m, PetscInt c, const PetscReal x[], PetscReal xc[])
@@ -26,13 +27,27 @@ static inline void SolidGather(const SolidMesh *m, PetscInt c, const PetscReal x
   for (PetscInt j = 0; j < m->nb; j++)
     for (PetscInt a = 0; a < m->dim; a++) xc[m->dim * j + a] = x[m->dim * m->cell_node[c * m->nb + j] + a];
 }
+/* Position x [3] of quadrature point q of a cell with nodes xc [nb][dim], or what else is given there */
+static inline void SolidLocate(const SolidMesh *m, PetscInt q, const PetscReal xc[], PetscReal x[3])
+{
+  for (PetscInt a = 0; a < 3; a++) x[a] = 0;
+  for (PetscInt j = 0; j < m->nb; j++)
+    for (PetscInt a = 0; a < m->dim; a++) x[a] += m->phi[q * m->nb + j] * xc[m->dim * j + a];
+}
 
-/* Sums over a solid at x [nnode][dim] */
+/* Sums over a solid at x [nnode][dim], over what a membrane encloses */
 typedef struct {
   PetscReal volume, centroid[3];
+  PetscReal area;          /* of a membrane */
   PetscReal strain_energy; /* of the whole law */
   PetscReal stretch_max;
   PetscReal rotation;  /* in the plane: angle of the polar decomposition of the mean F */
   PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
 } SolidSums;
 void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[], SolidSums *);
+/* Mean of velocities u [nnode][dim] over a solid, by the weights of its reference mesh; over what a membrane at x
+   encloses, of a flow that is free of divergence */
+void SolidMeanVelocity(const SolidMesh *, const PetscReal x[], const PetscReal u[], PetscReal mean[3]);
+/* Nodes x [nnode][dim] of a membrane are moved along its normal, all but those that are held as far, until it encloses
+   its reference volume. */
+PetscErrorCode SolidKeepVolume(const SolidMesh *, const PetscBool held[], PetscReal x[]);

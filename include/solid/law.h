@@ -6,23 +6,34 @@
    mu is the shear modulus, lambda = 2 mu nu/(1 - 2 nu) Lame's first one; in the plane strain is plane. Poisson's number
    1/2 is an incompressible solid: lambda is 0 here, and what holds the volume is the pressure of others. Where others
    carry the isotropic part of a compressible solid, p = -kappa (J - 1), `kappa` is taken off: P - kappa (J - 1) J F^-T.
-   Stresses in the unit of mu. Nothing is collective. */
+   Stresses in the unit of mu.
+
+   Of membranes F [dim][dim - 1] is the gradient along the surface, C = F^T F, I1 = tr C - 2, I2 = det C - 1 (in the
+   plane the surface is not stretched across: I1 = I2 = C - 1), and the energy per reference area
+     neo_hookean           mu/2 (I1 - 1 + 1/(I2 + 1)) + area/4 I2^2
+     skalak                mu/4 (I1^2 + 2 I1 - 2 I2) + area/4 I2^2
+   mu is the surface shear modulus: of an incompressible sheet a third of its surface Young modulus. `area` is C mu of
+   Skalak, Tozeren, Zarda & Chien 1973 as Barthes-Biesel, Diaz & Dhenin 2002 write it. Nothing is collective. */
 #pragma once
 #include <petscsys.h>
 
 typedef enum {
   SOLID_NEO_HOOKEAN,
-  SOLID_ST_VENANT_KIRCHHOFF
+  SOLID_ST_VENANT_KIRCHHOFF,
+  SOLID_MEMBRANE_NEO_HOOKEAN, /* membranes from here on */
+  SOLID_MEMBRANE_SKALAK
 } SolidLaw;
 
 typedef struct {
   SolidLaw  law;
   PetscReal mu, lambda;
   PetscReal kappa; /* of the isotropic part that others carry, 0: none */
+  PetscReal area;  /* of a membrane: what resists a change of area */
 } SolidMaterial;
 
 /* First Piola stress P [dim][dim] (P_iA by space i, reference A) at F [dim][dim], and its derivative by F, C
-   [dim][dim][dim][dim] (C_iAjB; NULL: not wanted). Returns J, which has to be positive for neo_hookean. */
+   [dim][dim][dim][dim] (C_iAjB; NULL: not wanted); of membranes with dim - 1 reference directions. Returns J, which has
+   to be positive for neo_hookean, of membranes that of the area. */
 PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *, const PetscReal F[], PetscReal P[], PetscReal C[]);
 /* Energy per reference volume, of the whole law: with what kappa has taken off. */
 PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *, const PetscReal F[]);

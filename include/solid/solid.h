@@ -1,4 +1,5 @@
-/* Solids: elastic particles, groups of -particle_groups with a -particle_<group>_material other than rigid.
+/* Solids: elastic particles, groups of -particle_groups with a -particle_<group>_material other than rigid: elastic
+   solids, and membranes around the flow's own fluid (without density or inertia).
 
    A group has one reference mesh (reference.h) of its shape, its law and density; a solid is a copy of that mesh with
    positions and velocities of its nodes at the last two times: these are all its state. All ranks know all solids, and
@@ -18,8 +19,9 @@ typedef struct {
   char          name[64];
   Shape         shape;
   SolidMesh     mesh;
-  SolidMaterial material; /* kappa 0; lambda 0 where it is incompressible */
-  PetscBool     compressible;
+  SolidMaterial material;  /* kappa 0; lambda 0 where it is incompressible */
+  PetscReal     stiffness; /* as a pressure: the shear modulus, of a membrane over its radius */
+  PetscBool     compressible, membrane;
   PetscReal     density, viscosity, volume_return;
   PetscInt      first, count; /* of the solids; those of several are neither held nor watched */
   PetscBool    *clamped;      /* [mesh.nnode] */

@@ -253,7 +253,7 @@ static void measure_change(Elastic *e, const FlowStep *step)
     const SolidMesh *m = &s->group[s->group_of[k]].mesh;
 
     for (PetscInt a = 0; a < dim; a++) e->change[k * dim + a] = 0;
-    for (PetscInt i = 0; i < m->ncell * m->nq * m->nb; i++) {
+    for (PetscInt i = 0; i < m->ncell * m->nq * m->nb && !SolidIsMembrane(m); i++) {
       const PetscInt  cell = i / (m->nq * m->nb), q = i / m->nb % m->nq, j = i % m->nb;
       const PetscInt  at = dim * (s->first[k] + m->cell_node[cell * m->nb + j]);
       const PetscReal w  = m->weight[cell * m->nq + q] * m->phi[q * m->nb + j];
@@ -271,6 +271,11 @@ static PetscErrorCode solved(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(ElasticTakeVelocity(e, c, c->field.u));
   for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->end[i] = e->a[i] + e->u[i] / c->step->ct;
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const SolidGroup *g = e->s->group + e->s->group_of[k];
+
+    if (g->membrane) PetscCall(SolidKeepVolume(&g->mesh, g->clamped, e->end + e->s->dim * e->s->first[k]));
+  }
   PetscCall(measure_force(e, c));
   measure_change(e, c->step);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -389,6 +394,8 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
   e->aligned = method->moves_nodes;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!e->s->group[0].membrane, c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned: membranes are immersed, the mesh is not lined up with them: use -couple_method penalty");
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCheck(still, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "

@@ -9,6 +9,9 @@
    p = -kappa (J - 1): continuity of the cells inside reads B u + C p = g (FlowAddVolume), and an incompressible one has
    there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return).
 
+   A membrane is the same with the nodes of a surface, in whose E and force there is only K and f; inside is the fluid,
+   and its volume is kept by a step of its nodes along the normal (SolidKeepVolume), which the flow does not see.
+
    With -couple_method aligned the flow's mesh is lined up with the solids at x* (elasticalign.h): the pressure may then
    jump at their surface. P is the basis in cells of the solid alone; inertia and weight are taken over these cells
    (elasticinertia.h), not over the solid's mesh: m = 0. */
@@ -80,6 +83,8 @@ static inline PetscBool ElasticIsLined(const Elastic *e, PetscInt k)
 {
   return (PetscBool)(e->align && e->labels.lined[k]);
 }
+/* What solid k is denser than the fluid, of which a membrane holds as much as it displaces */
+PetscReal ElasticExcess(const Elastic *, Couple, PetscInt k);
 /* The present step of the flow: positions that it predicts. */
 PetscErrorCode ElasticPredict(Elastic *, Couple);
 /* Where the points are, and with them P. Collective. Error: a node outside of the domain. */

@@ -295,8 +295,8 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
   t  = e->contacts.list + e->contacts.n++;
   *t = (ElasticContact){.node  = node,
                         .body  = g->kind == TO_BODY ? g->body : -1,
-                        .force = part * group->material.mu * (1 - g->cells),
-                        .rate  = part * group->material.mu / size,
+                        .force = part * group->stiffness * (1 - g->cells),
+                        .rate  = part * group->stiffness / size,
                         .y     = {g->y[0], g->y[1], g->y[2]}};
   for (PetscInt a = 0; a < 3; a++) t->n[a] = (g->x[a] - g->y[a]) / g->gap;
   if (g->kind == TO_SOLID) PetscCall(ElasticSurfacesEvaluate(e->surfaces, g->other, there, t->other, t->weight));

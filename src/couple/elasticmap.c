@@ -93,8 +93,8 @@ static PetscErrorCode fill_map(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Positions of the quadrature points of all solids, [][dim] in the order of solids, cells, points; are the solids
-   followed? */
+/* Positions of the quadrature points of all solids but membranes, [][dim] in the order of solids, cells, points; are
+   the solids followed? */
 static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, PetscBool **lined)
 {
   const SolidsState *s   = e->s;
@@ -102,14 +102,18 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, 
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt k = 0; k < s->n; k++) *n += s->group[s->group_of[k]].mesh.ncell * s->group[s->group_of[k]].mesh.nq;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+
+    *n += SolidIsMembrane(m) ? 0 : m->ncell * m->nq;
+  }
   PetscCall(PetscCalloc2(*n * dim, x, *n, lined));
   *n = 0;
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m  = &s->group[s->group_of[k]].mesh;
     const PetscReal *at = e->x + dim * s->first[k];
 
-    for (PetscInt cell = 0; cell < m->ncell; cell++) {
+    for (PetscInt cell = 0; cell < m->ncell && !SolidIsMembrane(m); cell++) {
       PetscReal xc[SOLID_MAX_N];
 
       SolidGather(m, cell, at, xc);

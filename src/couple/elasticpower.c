@@ -5,14 +5,14 @@
 #include "impl.h"
 #include "bodies/local.h"
 
-/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s */
+/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s; nothing of a membrane */
 static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
 {
   const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
   PetscReal        half = 0;
 
   for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
-  for (PetscInt i = 0; i < m->ncell * m->nq; i++)
+  for (PetscInt i = 0; i < m->ncell * m->nq && !SolidIsMembrane(m); i++)
     for (PetscInt a = 0; a < m->dim; a++) {
       const PetscReal *phi = m->phi + i % m->nq * m->nb;
       PetscReal        v   = 0;

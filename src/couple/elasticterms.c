@@ -18,11 +18,17 @@ typedef struct {
   PetscReal ct, bdt, d0, d1, excess, gravity[3]; /* excess: density that is counted here */
 } StepNumbers;
 
+PetscReal ElasticExcess(const Elastic *e, Couple c, PetscInt k)
+{
+  const SolidGroup *g = e->s->group + e->s->group_of[k];
+
+  return g->membrane ? 0 : g->density - c->par->density;
+}
+
 static StepNumbers get_numbers(const Elastic *e, Couple c, PetscInt k)
 {
-  const FlowStep *s       = c->step;
-  const PetscReal density = e->s->group[e->s->group_of[k]].density;
-  StepNumbers     n       = {s->ct, 1 / s->ct, s->d0, s->d1, ElasticIsLined(e, k) ? 0 : density - c->par->density, {0}};
+  const FlowStep *s = c->step;
+  StepNumbers     n = {s->ct, 1 / s->ct, s->d0, s->d1, ElasticIsLined(e, k) ? 0 : ElasticExcess(e, c, k), {0}};
 
   for (PetscInt a = 0; a < 3; a++) n.gravity[a] = c->par->gravity[a];
   return n;
@@ -257,7 +263,7 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
     const SolidMesh  *m = &g->mesh;
 
     *any_C = (PetscBool)(*any_C || g->compressible);
-    for (PetscInt cell = 0; cell < m->ncell; cell++) {
+    for (PetscInt cell = 0; cell < m->ncell && !g->membrane; cell++) {
       PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N];
 
       SolidGather(m, cell, e->x + m->dim * s->first[k], x);
@@ -294,9 +300,10 @@ static PetscBool is_compliant(const Elastic *e, Couple c)
   PetscBool       compliant = (PetscBool)!e->align;
 
   for (PetscInt g = 0; g < e->s->ngroups; g++) {
-    const SolidGroup *group = e->s->group + g;
+    const SolidGroup *group     = e->s->group + g;
+    const PetscReal   stiffness = group->membrane ? group->material.mu / group->mesh.h : group->material.mu;
 
-    compliant = (PetscBool)(compliant && bdt * group->material.mu + group->viscosity <= COMPLIANT * c->par->viscosity);
+    compliant = (PetscBool)(compliant && bdt * stiffness + group->viscosity <= COMPLIANT * c->par->viscosity);
   }
   return compliant;
 }

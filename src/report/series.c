@@ -118,6 +118,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"solid_force_x_<group>", "force", 12, "force of the fluid on all, as that on rigid bodies without buoyancy"},
   {"solid_force_y_<group>", "force", 12, ""},
   {"solid_force_z_<group>", "force", 12, "in space"},
+  {"solid_area_error_<group>", "", 12,
+   "of a membrane: its area (in the plane length) over that at the start, less 1; of several the mean"},
   {"watch_<x|y|z>_<group>_<i>", "length", 12, "displacement of point i of -particle_<group>_watch since the start"},
   {"aligned_penalty_bodies", "", 12,
    "method aligned: bodies that use the penalty, as the mesh could not be aligned with them in this step or one of the ten before; sum over the steps in summary.json, aligned_penalty_bodies_steps"},

@@ -6,6 +6,9 @@
 #include "files.h"
 #include "points.h"
 
+static const PetscInt    EDGE[3]     = {0, 2, 1}; /* in VTK's order */
+static const char *const TOPOLOGY[4] = {"", "Edge_3", "Quadrilateral_9", "Hexahedron_27"};
+
 static PetscInt count_cells(const SolidsState *s)
 {
   PetscInt n = 0;
@@ -48,8 +51,8 @@ static void measure_cell(const SolidGroup *g, PetscInt c, const PetscReal x[], P
     *J += w * j;
     volume += w;
     for (PetscInt e = 0; e < 6; e++)
-      for (PetscInt A = 0; A < m->dim && COLUMN[e] < m->dim && ROW[e] < m->dim; A++)
-        stress[e] += w / j * P[ROW[e] * m->dim + A] * F[COLUMN[e] * m->dim + A];
+      for (PetscInt A = 0; A < m->nd && COLUMN[e] < m->dim && ROW[e] < m->dim; A++)
+        stress[e] += w / j * P[ROW[e] * m->nd + A] * F[COLUMN[e] * m->nd + A];
   }
   *J /= volume;
   for (PetscInt e = 0; e < 6; e++) stress[e] /= volume;
@@ -59,7 +62,7 @@ static void measure_cell(const SolidGroup *g, PetscInt c, const PetscReal x[], P
 static PetscErrorCode write_cells(Hdf5 file, const SolidsState *s, PetscInt rows)
 {
   const PetscInt  nb    = s->group[0].mesh.nb;
-  const PetscInt *order = PointsVtkOrder(s->dim);
+  const PetscInt *order = s->group[0].mesh.nd == 1 ? EDGE : PointsVtkOrder(s->group[0].mesh.nd);
   PetscInt       *cell, *solid, n = 0;
   PetscReal      *J, *stress;
 
@@ -91,7 +94,7 @@ static int write_xdmf(const SolidsState *s, const char path[], const char file[]
   if (err) return err;
   fprintf(f, "      <Grid Name=\"solids\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", (double)time);
   fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">",
-          s->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27", ncell);
+          TOPOLOGY[s->group[0].mesh.nd], ncell);
   XdmfItem(f, PETSC_TRUE, ncell, s->group[0].mesh.nb, file, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
   XdmfItem(f, PETSC_FALSE, s->nnode, 3, file, "coordinates");

@@ -30,11 +30,15 @@ static PetscErrorCode check_solids_alone(const SimComponents *sim)
   PetscFunctionBeginUser;
   if (!sim->solids) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SolidsGetState(sim->solids, &s));
-  for (PetscInt g = 0; g < s->ngroups; g++)
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCheck(!s->group[g].membrane, sim->comm, PETSC_ERR_SUP,
+               "-flow_active false: what the membrane of group '%s' encloses is a fluid: leave the flow on",
+               s->group[g].name);
     PetscCheck(s->group[g].compressible, sim->comm, PETSC_ERR_SUP,
                "-flow_active false: the volume of the incompressible solid of group '%s' is held by the pressure of a flow: give -particle_%s_poisson "
                "below 0.5, such as 0.49",
                s->group[g].name, s->group[g].name);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

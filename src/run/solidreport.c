@@ -22,16 +22,18 @@ enum {
   OF_AXIS_X,
   OF_AXIS_Y,
   OF_AXIS_Z,
+  OF_AREA,
   NGROUP
 };
 
 static const char *const NAMES[NGROUP] = {"x",       "y",       "u",           "v",       "volume_error", "energy",
                                           "stretch", "taylor",  "inclination", "force_x", "force_y",      "z",
-                                          "w",       "force_z", "axis_x",      "axis_y",  "axis_z"};
+                                          "w",       "force_z", "axis_x",      "axis_y",  "axis_z",       "area_error"};
 
 /* In space a direction takes the place of the angle */
-static PetscBool has_column(PetscInt dim, PetscInt i)
+static PetscBool has_column(const SolidGroup *g, PetscInt dim, PetscInt i)
 {
+  if (i == OF_AREA) return g->membrane;
   return (PetscBool)(dim == 2 ? i < NPLANE : i != OF_INCLINATION);
 }
 
@@ -67,7 +69,7 @@ PetscErrorCode SolidReportCreate(const SimComponents *sim, SolidReport *report)
     const SolidGroup *group = r->s->group + g;
 
     for (PetscInt i = 0; i < NGROUP; i++) {
-      if (!has_column(r->s->dim, i)) continue;
+      if (!has_column(group, r->s->dim, i)) continue;
       PetscCall(PetscSNPrintf(name, sizeof(name), "solid_%s_%s", NAMES[i], group->name));
       PetscCall(MonitorAddColumn(r->monitor, name, &r->column[g][i]));
     }
@@ -91,30 +93,17 @@ PetscErrorCode SolidReportDestroy(SolidReport *report)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Mean velocity of solid k by the weights of its reference mesh */
-static void find_velocity(const SolidsState *s, PetscInt k, PetscReal u[3])
-{
-  const SolidMesh *m = &s->group[s->group_of[k]].mesh;
-
-  for (PetscInt a = 0; a < 3; a++) u[a] = 0;
-  for (PetscInt c = 0; c < m->ncell; c++)
-    for (PetscInt q = 0; q < m->nq; q++)
-      for (PetscInt j = 0; j < m->nb; j++)
-        for (PetscInt a = 0; a < m->dim; a++)
-          u[a] += m->weight[c * m->nq + q] * m->phi[q * m->nb + j] *
-                  s->u[m->dim * (s->first[k] + m->cell_node[c * m->nb + j]) + a] / m->volume;
-}
-
 /* One of the solids of a group */
 static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
 {
   const SolidGroup *group = r->s->group + r->s->group_of[k];
+  const PetscInt    at    = r->s->dim * r->s->first[k];
   PetscReal         u[3], force[3] = {0};
   SolidSums         sums;
 
   PetscFunctionBeginUser;
   SolidsMeasure(r->solids, k, &sums);
-  find_velocity(r->s, k, u);
+  SolidMeanVelocity(&group->mesh, r->s->x + at, r->s->u + at, u);
   if (r->couple) PetscCall(CoupleGetSolidForce(r->couple, k, force));
   v[OF_X]       = sums.centroid[0];
   v[OF_Y]       = sums.centroid[1];
@@ -130,6 +119,7 @@ static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
   v[OF_FORCE_Z] = force[2];
   v[OF_FORCE_X] = force[0];
   v[OF_FORCE_Y] = force[1];
+  v[OF_AREA]    = group->membrane ? sums.area / group->mesh.area - 1 : 0;
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -155,7 +145,7 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
     }
   }
   for (PetscInt i = 0; i < NGROUP; i++)
-    if (has_column(r->s->dim, i)) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], all[i]));
+    if (has_column(group, r->s->dim, i)) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], all[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

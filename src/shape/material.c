@@ -8,7 +8,7 @@
 
 PetscErrorCode MaterialRead(const char group[], Material *material)
 {
-  static const char *const WORDS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "fluid", NULL};
+  static const char *const WORDS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "membrane", "fluid", NULL};
   char                     name[OPT_NAME];
   PetscInt                 index = MATERIAL_RIGID;
 

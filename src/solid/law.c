@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "solid/law.h"
 #include "base/algebra.h"
+#include "membrane.h"
 
 /* P = mu (F - F^-T), C = mu (1 + what the inverse changes by) */
 static void add_neo_hookean(PetscInt n, PetscReal mu, const PetscReal F[], const PetscReal inv[], PetscReal P[],
@@ -69,6 +70,7 @@ PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F
   const PetscInt n = dim * dim;
   PetscReal      inv[9], J, k = -m->kappa;
 
+  if (m->law >= SOLID_MEMBRANE_NEO_HOOKEAN) return MembraneLawStress(dim, m, F, P, C);
   J = DenseInvertMap(dim, F, inv);
   for (PetscInt e = 0; e < n; e++) P[e] = 0;
   for (PetscInt e = 0; e < n * n && C; e++) C[e] = 0;
@@ -83,9 +85,10 @@ PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F
 
 PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F[])
 {
-  const PetscReal J    = DenseDeterminant(dim, F);
-  PetscReal       norm = 0, trace = 0;
+  PetscReal norm = 0, trace = 0, J;
 
+  if (m->law >= SOLID_MEMBRANE_NEO_HOOKEAN) return MembraneLawEnergy(dim, m, F);
+  J = DenseDeterminant(dim, F);
   if (m->law == SOLID_NEO_HOOKEAN) {
     for (PetscInt e = 0; e < dim * dim; e++) norm += F[e] * F[e];
     return 0.5 * m->mu * (norm - (PetscReal)dim - 2 * PetscLogReal(J)) + 0.5 * m->lambda * PetscSqr(J - 1);

@@ -1,7 +1,8 @@
 /* Options of the room solid: see base/opt.h. */
 #include "base/opt.h"
 
-#define ELASTIC "-particle_<group>_material neo_hookean or st_venant_kirchhoff"
+#define ELASTIC  "-particle_<group>_material neo_hookean or st_venant_kirchhoff"
+#define MEMBRANE "-particle_<group>_material membrane"
 
 static const OptSpec SPECS[] = {
   {"-particle_<group>_shear_modulus", OPT_REAL, "force/length^2", OPT_ABOVE_ZERO, "",
@@ -17,6 +18,16 @@ static const OptSpec SPECS[] = {
    .help =
      "size of the solid's cells, where their numbers are not given; in a flow smaller than the flow's, which moves in ways that coarser ones do not see",
    .when = ELASTIC},
+  {"-particle_<group>_membrane_law", OPT_CHOICE, "", OPT_ANY, "neo_hookean",
+   .help =
+     "law of a membrane: neo_hookean, an incompressible sheet that thins, or skalak, which resists changes of area",
+   .when = MEMBRANE, .choices = "neo_hookean, skalak"},
+  {"-particle_<group>_surface_modulus", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "",
+   .help = "surface shear modulus of a membrane; of neo_hookean a third of its surface Young modulus", .when = MEMBRANE,
+   .also = "g_s, surface_shear_modulus, membrane_modulus"},
+  {"-particle_<group>_area_modulus", OPT_REAL, "force/length", OPT_FROM(0), "0; of skalak the surface modulus",
+   .help = "what a membrane has against a change of area: C times the surface modulus in Skalak's law",
+   .when = MEMBRANE, .also = "area_dilatation, dilatation_modulus"},
   {"-particle_<group>_clamp", OPT_REALS, "", OPT_ANY, "",
    .help = "expression of the position in space at the start: the solid's nodes where it is above zero are held",
    .when = ELASTIC, .variables = "x, y, z", .also = "anchor, hold, fix", .find = "clamped, anchored"},

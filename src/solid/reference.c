@@ -7,107 +7,14 @@
 #include "fem/gauss.h"
 #include "fem/side.h"
 #include "mesh/mesh.h"
+#include "figure.h"
 #include "shape/host.h"
 #include "space.h"
 
-#define MARGIN    5    /* cells of the box mesh beyond the shape: what follows a surface, and one more */
-#define SAMPLES   2000 /* points that tell the box around a shape */
-#define MIN_CELLS 2    /* cells across it */
+#define MARGIN    5 /* cells of the box mesh beyond the shape: what follows a surface, and one more */
+#define MIN_CELLS 2 /* cells across it */
 
 /* ---- the box ---- */
-
-/* A shape as the surface that a mesh is lined up with, in its own frame */
-typedef struct {
-  Shape         shape;
-  PetscInt      number;
-  PetscBool     own, inactive;
-  PetscReal     centre[1][3], radius, round, volume;
-  AlignSurfaces table;
-} Figure;
-
-static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
-                               PetscReal d[])
-{
-  PetscFunctionBeginUser;
-  (void)k;
-  (void)at; /* there are no images */
-  PetscCall(ShapeDistance(((Figure *)ctx)->shape, m, x, d));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
-{
-  PetscFunctionBeginUser;
-  (void)k;
-  PetscCall(ShapeProject(((Figure *)ctx)->shape, m, x, y));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[])
-{
-  const PetscReal *corner;
-
-  PetscFunctionBeginUser;
-  (void)k;
-  PetscCall(ShapeGetCorners(((Figure *)ctx)->shape, m, &corner));
-  PetscCall(PetscArraycpy(x, corner, 2 * PetscMin(max, *m)));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode describe(Shape shape, PetscInt dim, Figure *f)
-{
-  ShapeMass mass;
-
-  PetscFunctionBeginUser;
-  *f = (Figure){.shape = shape, .own = PETSC_TRUE};
-  PetscCall(ShapeGetMass(shape, &mass));
-  PetscCall(ShapeGetRadius(shape, &f->radius));
-  PetscCall(ShapeGetDisc(shape, &f->round));
-  f->volume = mass.volume;
-  PetscCall(PetscArraycpy(f->centre[0], mass.centroid, 3));
-  f->table = (AlignSurfaces){.ctx             = f,
-                             .n               = 1,
-                             .nall            = 1,
-                             .largest         = f->radius,
-                             .number          = &f->number,
-                             .own             = &f->own,
-                             .inactive_inside = &f->inactive,
-                             .centre          = (const PetscReal(*)[3])f->centre,
-                             .radius          = &f->radius,
-                             .round           = &f->round,
-                             .volume          = &f->volume,
-                             .distance        = distance,
-                             .project         = project,
-                             .corners         = dim == 2 ? corners : NULL};
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The box around a shape: corners and many points of the surface; of a disc exactly */
-static PetscErrorCode find_box(const Figure *f, PetscInt dim, PetscReal lower[], PetscReal upper[])
-{
-  PetscReal       *x, *w;
-  const PetscReal *corner;
-  PetscInt         n;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(SAMPLES * dim, &x, SAMPLES, &w));
-  PetscCall(ShapeSurface(f->shape, SAMPLES, x, w));
-  PetscCall(ShapeGetCorners(f->shape, &n, &corner));
-  for (PetscInt d = 0; d < dim; d++) {
-    lower[d] = PETSC_MAX_REAL;
-    upper[d] = -PETSC_MAX_REAL;
-    for (PetscInt i = 0; i < SAMPLES + n; i++) {
-      const PetscReal at = i < SAMPLES ? x[dim * i + d] : corner[dim * (i - SAMPLES) + d];
-
-      lower[d] = PetscMin(lower[d], at);
-      upper[d] = PetscMax(upper[d], at);
-    }
-    if (f->round > 0) lower[d] = f->centre[0][d] - f->round;
-    if (f->round > 0) upper[d] = f->centre[0][d] + f->round;
-  }
-  PetscCall(PetscFree2(x, w));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt cells[], PetscReal size, Mesh *mesh,
                                  PetscReal *h)
@@ -116,7 +23,7 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
   PetscInt  n[3] = {0};
 
   PetscFunctionBeginUser;
-  PetscCall(find_box(f, dim, lower, upper));
+  PetscCall(FigureFindBox(f, dim, lower, upper));
   *h = 0;
   for (PetscInt d = 0; d < dim; d++) {
     const PetscReal length = upper[d] - lower[d];
@@ -205,7 +112,12 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
   PetscReal min = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
-  *m = (SolidMesh){.dim = dim, .nb = dim == 2 ? 9 : 27, .nq = dim == 2 ? 9 : 27, .nnode = nnode, .ncell = ncell};
+  *m = (SolidMesh){.dim   = dim,
+                   .nd    = dim,
+                   .nb    = dim == 2 ? 9 : 27,
+                   .nq    = dim == 2 ? 9 : 27,
+                   .nnode = nnode,
+                   .ncell = ncell};
   PetscCall(PetscMalloc3(ncell * m->nb, &m->cell_node, nnode * dim, &m->X, m->nq * m->nb, &m->phi));
   PetscCall(PetscMalloc2(ncell * m->nq * m->nb * dim, &m->grad, ncell * m->nq, &m->weight));
   PetscCall(PetscArraycpy(m->cell_node, cell_node, ncell * m->nb));
@@ -306,7 +218,7 @@ PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, con
   PetscReal       h      = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(describe(shape, dim, &f));
+  PetscCall(FigureDescribe(shape, dim, &f));
   PetscCall(create_box(&f, dim, cells, size, &mesh, &h));
   PetscCall(AlignCreate(mesh, &f.table, &align));
   PetscCall(AlignFit(align, &wanted, NULL, &fitted, &r));

@@ -28,6 +28,44 @@ static PetscErrorCode refuse_slip(const char group[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What is of solids alone: a membrane has no volume, and what is in it is the fluid */
+static PetscErrorCode refuse_of_solids(const char group[])
+{
+  static const char *const OF_SOLIDS[] = {"_density",         "_shear_modulus", "_poisson",
+                                          "_solid_viscosity", "_viscosity",     "_volume_return"};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(OF_SOLIDS); i++) {
+    char      name[OPT_NAME];
+    PetscBool given;
+
+    PetscCall(OptHas(OptJoin("-particle_", group, OF_SOLIDS[i], name), &given));
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "%s: group '%s' is a membrane, which has a -particle_%s_surface_modulus and the fluid around it inside, with its density and viscosity: "
+               "remove it",
+               name, group, group);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_membrane(SolidGroup *g)
+{
+  static const char *const LAWS[] = {"neo_hookean", "skalak", NULL};
+  char                     name[OPT_NAME];
+  PetscInt                 law = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(refuse_of_solids(g->name));
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_membrane_law", name), LAWS, &law));
+  g->material.law = law ? SOLID_MEMBRANE_SKALAK : SOLID_MEMBRANE_NEO_HOOKEAN;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_surface_modulus", name), &g->material.mu));
+  PetscCheck(g->material.mu > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' is a membrane and has no surface modulus: give %s", g->name, name);
+  g->material.area = law ? g->material.mu : 0;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_area_modulus", name), &g->material.area));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_material(SolidGroup *g)
 {
   char      name[OPT_NAME];
@@ -35,6 +73,10 @@ static PetscErrorCode read_material(SolidGroup *g)
 
   PetscFunctionBeginUser;
   PetscCall(refuse_slip(g->name));
+  if (g->membrane) {
+    PetscCall(read_membrane(g));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_shear_modulus", name), &g->material.mu));
   PetscCheck(g->material.mu > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' is elastic and has no shear modulus: give %s", g->name, name);
@@ -59,7 +101,8 @@ static PetscErrorCode create_mesh(SolidGroup *g, PetscInt dim, PetscReal size)
   PetscCall(ParticleCreateShape(g->name, dim, &g->shape));
   PetscCall(OptIntArray(OptJoin("-particle_", g->name, "_solid_cells", name), dim, cells, &given));
   if (!given) PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_size", name), &size));
-  PetscCall(SolidMeshCreate(g->shape, g->name, dim, cells, size, &g->mesh));
+  PetscCall((g->membrane ? SolidMeshCreateMembrane : SolidMeshCreate)(g->shape, g->name, dim, cells, size, &g->mesh));
+  g->stiffness = g->membrane ? g->material.mu / g->mesh.radius : g->material.mu;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -133,10 +176,14 @@ static PetscErrorCode list_groups(Solids b)
   ParticleGroup *list;
 
   PetscFunctionBeginUser;
-  PetscCall(ParticleListGroups(MATERIAL_NEO_HOOKEAN, MATERIAL_ST_VENANT_KIRCHHOFF, &b->s.ngroups, &list));
+  PetscCall(ParticleListGroups(MATERIAL_NEO_HOOKEAN, MATERIAL_MEMBRANE, &b->s.ngroups, &list));
   PetscCall(PetscCalloc1(b->s.ngroups, &b->group));
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
     b->group[g].material.law = list[g].material == MATERIAL_NEO_HOOKEAN ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
+    b->group[g].membrane     = (PetscBool)(list[g].material == MATERIAL_MEMBRANE);
+    PetscCheck(b->group[g].membrane == b->group[0].membrane, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "-particle_%s_material: membranes and elastic solids in one scene are not there yet: give '%s' and '%s' the same kind of material",
+               list[g].name, list[0].name, list[g].name);
     PetscCall(PetscStrncpy(b->group[g].name, list[g].name, sizeof(b->group[g].name)));
   }
   PetscCall(PetscFree(list));
@@ -277,6 +324,8 @@ PetscErrorCode SolidsGetState(Solids b, SolidsState **state)
 
 PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
 {
+  static const char *const LAW[] = {"neo_hookean", "st_venant_kirchhoff", "neo_hookean membrane", "skalak membrane"};
+
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->s.ngroups; i++) {
     const SolidGroup *g = b->group + i;
@@ -284,12 +333,12 @@ PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPrintf(viewer,
                                      "elastic group '%s': %" PetscInt_FMT " of %s, %" PetscInt_FMT
                                      " cells of size %.3g, %" PetscInt_FMT " nodes (%" PetscInt_FMT
-                                     " held), shear modulus %g, Lame's first %g%s\n",
-                                     g->name, g->count,
-                                     g->material.law == SOLID_NEO_HOOKEAN ? "neo_hookean" : "st_venant_kirchhoff",
-                                     g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped,
-                                     (double)g->material.mu, (double)g->material.lambda,
-                                     g->compressible ? "" : " (incompressible)"));
+                                     " held), %s modulus %g, %s %g%s\n",
+                                     g->name, g->count, LAW[g->material.law], g->mesh.ncell, (double)g->mesh.h,
+                                     g->mesh.nnode, g->nclamped, g->membrane ? "surface" : "shear",
+                                     (double)g->material.mu, g->membrane ? "area modulus" : "Lame's first",
+                                     (double)(g->membrane ? g->material.area : g->material.lambda),
+                                     g->compressible || g->membrane ? "" : " (incompressible)"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,10 +21,11 @@ static PetscReal largest_square(const PetscReal F[9])
   return mean + 2 * size * PetscCosReal(PetscAcosReal(cosine) / 3);
 }
 
-PetscReal SolidLargestStretch(PetscInt dim, const PetscReal F[])
+PetscReal SolidLargestStretch(PetscInt dim, PetscInt nd, const PetscReal G[])
 {
-  PetscReal sum, diff;
+  PetscReal F[9] = {0}, sum, diff;
 
+  for (PetscInt e = 0; e < dim * nd; e++) F[e / nd * dim + e % nd] = G[e];
   if (dim == 3) return PetscSqrtReal(largest_square(F));
   sum  = PetscHypotReal(F[0] + F[3], F[2] - F[1]);
   diff = PetscHypotReal(F[0] - F[3], F[1] + F[2]);

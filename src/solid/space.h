@@ -7,5 +7,5 @@
    surface, and gets a layer of cells with one face on it each; vertices inside are smoothed. The nodes X [*nnode][3]
    and cells [*ncell][27] of that mesh, the caller's to free (PetscFree2); *ncell 0: it stays as it is. */
 PetscErrorCode SolidAddLayer(const SolidMesh *, PetscInt *nnode, PetscReal **X, PetscInt *ncell, PetscInt **cell_node);
-/* Largest singular value of F [dim][dim] */
-PetscReal SolidLargestStretch(PetscInt dim, const PetscReal F[]);
+/* Largest singular value of F [dim][nd] */
+PetscReal SolidLargestStretch(PetscInt dim, PetscInt nd, const PetscReal F[]);

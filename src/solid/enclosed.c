@@ -1,0 +1,61 @@
+/* What a membrane encloses is kept: see solid/element.h. */
+#include "compat.h"
+#include "solid/element.h"
+#include "membrane.h"
+
+#define VOLUME_IT  10
+#define VOLUME_TOL 1e-13
+
+/* The volume that a membrane encloses, normals n [nnode][dim] at its nodes (means of those around them, of length 1; 0
+   where it is held) and how much more volume a step along them gives; n: zeros */
+static void find_normals(const SolidMesh *m, const PetscBool held[], const PetscReal x[], PetscReal *volume,
+                         PetscReal n[], PetscReal *rate)
+{
+  const PetscInt dim = m->dim;
+
+  *volume = *rate = 0;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt c = 0; c < m->ncell; c++) {
+      PetscReal xc[SOLID_MAX_N], nc[SOLID_MAX_N];
+
+      SolidGather(m, c, x, xc);
+      SolidGather(m, c, n, nc);
+      for (PetscInt q = 0; q < m->nq; q++) {
+        const PetscReal w = m->weight[c * m->nq + q];
+        PetscReal       F[9], at[3], normal[3];
+
+        (void)SolidGradient(m, c, q, xc, F);
+        MembraneNormal(dim, F, normal);
+        for (PetscInt j = 0; j < m->nb * dim && !pass; j++)
+          n[dim * m->cell_node[c * m->nb + j / dim] + j % dim] += w * m->phi[q * m->nb + j / dim] * normal[j % dim];
+        if (!pass) continue;
+        SolidLocate(m, q, xc, at);
+        *volume += w * dot3(at, normal) / (PetscReal)dim;
+        SolidLocate(m, q, nc, at);
+        *rate += w * dot3(at, normal);
+      }
+    }
+    for (PetscInt i = 0; i < m->nnode && !pass; i++) {
+      PetscReal norm = 0;
+
+      for (PetscInt a = 0; a < dim; a++) norm += PetscSqr(n[dim * i + a]);
+      for (PetscInt a = 0; a < dim && norm > 0; a++) n[dim * i + a] *= held[i] ? 0 : 1 / PetscSqrtReal(norm);
+    }
+  }
+}
+
+PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal x[])
+{
+  PetscReal *n, volume, rate;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(m->dim * m->nnode, &n));
+  for (PetscInt it = 0; it < VOLUME_IT; it++) {
+    PetscCall(PetscArrayzero(n, m->dim * m->nnode));
+    find_normals(m, held, x, &volume, n, &rate);
+    if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume) break;
+    for (PetscInt i = 0; i < m->dim * m->nnode; i++) x[i] += (m->volume - volume) / rate * n[i];
+  }
+  PetscCall(PetscFree(n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,177 @@
+/* Membranes by themselves: the tangent of a law is the derivative of its stress, that the one of its energy; principal
+   tensions are those of the textbooks; the surface of a shape is closed, with its area and volume; forces are the
+   derivative of the energy; a volume that was lost comes back. */
+/* ranks: 1 */
+#include "core.h"
+#include "solid/solid.h"
+
+static const SolidMaterial MATERIALS[] = {{SOLID_MEMBRANE_NEO_HOOKEAN, 1.3, 0, 0, 0},
+                                          {SOLID_MEMBRANE_NEO_HOOKEAN, 1.3, 0, 0, 0.8},
+                                          {SOLID_MEMBRANE_SKALAK, 1.3, 0, 0, 2.6}};
+#define NMATERIALS 3
+
+static void test_tangent(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++)
+    for (PetscInt m = 0; m < NMATERIALS; m++) {
+      const PetscInt  n = dim * (dim - 1);
+      const PetscReal h = 1e-6;
+      PetscReal       F[6], P[6], C[36], up[6], down[6], G[6];
+
+      for (PetscInt e = 0; e < n; e++) F[e] = (e % dim == 0) + 0.3 * noise(e + 5);
+      (void)SolidLawStress(dim, &MATERIALS[m], F, P, C);
+      for (PetscInt f = 0; f < n; f++) {
+        PetscReal energy[2];
+
+        for (PetscInt side = 0; side < 2; side++) {
+          memcpy(G, F, sizeof(G));
+          G[f] += side ? h : -h;
+          (void)SolidLawStress(dim, &MATERIALS[m], G, side ? up : down, NULL);
+          energy[side] = SolidLawEnergy(dim, &MATERIALS[m], G);
+        }
+        for (PetscInt e = 0; e < n; e++) NEAR(C[e * n + f], (up[e] - down[e]) / (2 * h), 2e-8);
+        NEAR(P[f], (energy[1] - energy[0]) / (2 * h), 2e-8);
+      }
+    }
+}
+
+/* Principal tensions P F^T/J of stretches s, t as Barthes-Biesel, Diaz & Dhenin 2002 have them; none where nothing is
+   stretched */
+static void test_textbook(void **state)
+{
+  const PetscReal s = 1.3, t = 0.9, J = s * t, F[6] = {0, t, 0, 0, s, 0}, rest[6] = {0, 1, 0, 0, 1, 0};
+  PetscReal       P[6];
+
+  (void)state;
+  NEAR(SolidLawStress(3, &MATERIALS[0], F, P, NULL), J, 1e-14);
+  NEAR(P[4] * s / J, 1.3 / J * (s * s - 1 / (J * J)), 1e-13);
+  NEAR(P[1] * t / J, 1.3 / J * (t * t - 1 / (J * J)), 1e-13);
+  (void)SolidLawStress(3, &MATERIALS[2], F, P, NULL);
+  NEAR(P[4] * s / J, 1.3 / J * (s * s * (s * s - 1) + 2 * J * J * (J * J - 1)), 1e-13);
+  for (PetscInt m = 0; m < NMATERIALS; m++) {
+    (void)SolidLawStress(3, &MATERIALS[m], rest, P, NULL);
+    for (PetscInt e = 0; e < 6; e++) BELOW(P[e], 1e-14);
+    BELOW(SolidLawEnergy(3, &MATERIALS[m], rest), 1e-14);
+  }
+}
+
+static Solids open_membrane(PetscInt dim, const char shape[], PetscReal size, SolidsState **s)
+{
+  char   options[2048];
+  Solids b;
+
+  snprintf(options, sizeof(options),
+           "-particle_groups skin -particle_skin_position 1,2%s -particle_skin_material membrane -particle_skin_surface_modulus 2 "
+           "-particle_skin_membrane_law skalak %s",
+           dim == 3 ? ",3" : "", shape);
+  give(options);
+  OK(SolidsCreate(PETSC_COMM_WORLD, dim, size, (PetscReal[3]){0, 0, 0}, (PetscReal[3]){4, 4, 4}, &b));
+  OK(SolidsGetState(b, s));
+  return b;
+}
+
+/* Volume (fourth order in the size of cells), area and moments of a sphere; an ellipsoid that is turned; an ellipse */
+static void test_surface(void **state)
+{
+  const PetscReal r = 0.7;
+  PetscReal       coarse;
+  SolidsState    *s;
+  SolidSums       sums;
+  Solids          b = open_membrane(3, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.2, &s);
+
+  (void)state;
+  assert_int_equal(s->nnode, s->group[0].mesh.ncell * 4 + 2); /* Euler: a sphere */
+  SolidsMeasure(b, 0, &sums);
+  coarse = s->group[0].mesh.volume - 4 * PETSC_PI / 3 * r * r * r;
+  NEAR(sums.volume, s->group[0].mesh.volume, 1e-13);
+  NEAR(sums.area, 4 * PETSC_PI * r * r, 1e-3);
+  NEAR(sums.second[1], sums.volume * r * r / 5, 2e-5);
+  NEAR(sums.centroid[2], 3, 1e-12);
+  NEAR(sums.stretch_max, 1, 1e-7);
+  OK(SolidsDestroy(&b));
+  b = open_membrane(3, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.1, &s);
+  assert_true(PetscAbsReal(s->group[0].mesh.volume - 4 * PETSC_PI / 3 * r * r * r) < PetscAbsReal(coarse) / 12);
+  OK(SolidsDestroy(&b));
+  b =
+    open_membrane(3,
+                  "-particle_skin_shape ellipse -particle_skin_a 0.8 -particle_skin_b 0.5 -particle_skin_c 0.3 -particle_skin_angle 0.4",
+                  0.15, &s);
+  NEAR(s->group[0].mesh.volume, 4 * PETSC_PI / 3 * 0.8 * 0.5 * 0.3, 2e-4);
+  OK(SolidsDestroy(&b));
+  b = open_membrane(2, "-particle_skin_shape ellipse -particle_skin_a 0.8 -particle_skin_b 0.5", 0.1, &s);
+  SolidsMeasure(b, 0, &sums);
+  NEAR(sums.volume, PETSC_PI * 0.8 * 0.5, 1e-4);
+  NEAR(sums.second[0], PETSC_PI / 4 * 0.8 * 0.8 * 0.8 * 0.5, 1e-4);
+  OK(SolidsDestroy(&b));
+}
+
+/* Of a membrane that is stirred: each node's force is the derivative of the energy, its tangent that of the force, and
+   forces add up to nothing; the volume comes back */
+static void test_force(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    const PetscReal  h = 1e-5;
+    SolidsState     *s;
+    Solids           b = open_membrane(dim, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.6, &s);
+    const SolidMesh *m = &s->group[0].mesh;
+    const PetscInt   n = m->nb * dim;
+    PetscReal        x[SOLID_MAX_N], f[SOLID_MAX_N], up[SOLID_MAX_N], down[SOLID_MAX_N], K[SOLID_MAX_N * SOLID_MAX_N];
+    PetscReal        sum[3] = {0, 0, 0}, mean[3];
+    SolidSums        sums;
+
+    for (PetscInt e = 0; e < dim * s->nnode; e++) s->x[e] += 0.03 * noise(e);
+    for (PetscInt c = 0; c < m->ncell; c++) {
+      SolidGather(m, c, s->x, x);
+      (void)SolidCellForce(m, &s->group[0].material, c, x, f, K);
+      for (PetscInt e = 0; e < n; e++) sum[e % dim] += f[e];
+    }
+    for (PetscInt a = 0; a < 3; a++) BELOW(sum[a], 1e-13);
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt at = dim * m->cell_node[(m->ncell - 1) * m->nb + e / dim] + e % dim;
+      PetscReal      energy[2], force = 0;
+
+      x[e] += h;
+      (void)SolidCellForce(m, &s->group[0].material, m->ncell - 1, x, up, NULL);
+      x[e] -= 2 * h;
+      (void)SolidCellForce(m, &s->group[0].material, m->ncell - 1, x, down, NULL);
+      x[e] += h;
+      for (PetscInt i = 0; i < n; i++) NEAR(K[i * n + e], (up[i] - down[i]) / (2 * h), 1e-6);
+      for (PetscInt side = 0; side < 2; side++) {
+        s->x[at] += side ? -2 * h : h;
+        SolidsMeasure(b, 0, &sums);
+        energy[side] = sums.strain_energy;
+      }
+      s->x[at] += h;
+      for (PetscInt c = 0; c < m->ncell; c++) {
+        PetscReal y[SOLID_MAX_N];
+
+        SolidGather(m, c, s->x, y);
+        (void)SolidCellForce(m, &s->group[0].material, c, y, up, NULL);
+        for (PetscInt j = 0; j < m->nb; j++)
+          if (dim * m->cell_node[c * m->nb + j] == at - e % dim) force += up[dim * j + e % dim];
+      }
+      NEAR(force, (energy[0] - energy[1]) / (2 * h), 1e-6);
+    }
+    OK(SolidKeepVolume(m, s->group[0].clamped, s->x));
+    SolidsMeasure(b, 0, &sums);
+    NEAR(sums.volume, m->volume, 1e-12);
+    for (PetscInt e = 0; e < dim * s->nnode; e++) s->u[e] = e % dim + 1;
+    SolidMeanVelocity(m, s->x, s->u, mean);
+    for (PetscInt a = 0; a < dim; a++) NEAR(mean[a], (PetscReal)a + 1, 1e-12);
+    OK(SolidsDestroy(&b));
+  }
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_tangent), cmocka_unit_test(test_textbook),
+                                     cmocka_unit_test(test_surface), cmocka_unit_test(test_force)};
+  int                     failed;
+
+  if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
+  failed = cmocka_run_group_tests(tests, NULL, NULL);
+  if (OptFinalize() || PetscFinalize()) return 1;
+  return failed;
+}
