@@ -62,6 +62,9 @@ PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *film_gap_offset);
 /* Shortens *dt to the smallest limit of the participants, before the step begins; *who (may be NULL): the participant
    that set it, or NULL. Collective. */
 PetscErrorCode CoupleLimitStep(Couple, PetscReal *dt, const char **who);
+/* The same of the step solved: *ratio, its length over what the participants stand (0: they stand any); *who went
+   furthest beyond. Before the next step begins. Collective. */
+PetscErrorCode CoupleOverstep(Couple, PetscReal *ratio, const char **who);
 /* Name of the i-th participant with a limit, NULL: there are no more. Local. */
 const char *CoupleLimitName(Couple, PetscInt i);
 

@@ -39,6 +39,9 @@ typedef struct {
   PetscErrorCode (*losses)(Couple, void *data, CoupleLosses *);
   /* CoupleLimitStep, before a step: *dt becomes no larger than the participant stands (the same on all ranks). */
   PetscErrorCode (*limit)(Couple, void *data, PetscReal *dt);
+  /* CoupleOverstep: of the step solved, *ratio becomes no smaller than its length over what the participant stands with
+     the velocities that it brought. */
+  PetscErrorCode (*overstep)(Couple, void *data, PetscReal *ratio);
   /* CoupleAdvance: the step is taken; the flow accepts its fields after this. */
   PetscErrorCode (*advance)(Couple, void *data);
   /* The mesh has another form as a whole, its cells are the same. */

@@ -132,6 +132,22 @@ PetscErrorCode CoupleLimitStep(Couple c, PetscReal *dt, const char **who)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleOverstep(Couple c, PetscReal *ratio, const char **who)
+{
+  PetscFunctionBeginUser;
+  *ratio = 0;
+  if (who) *who = NULL;
+  for (PetscInt i = 0; i < c->nparticipants; i++) {
+    const CoupleEntry *e      = c->participant + i;
+    const PetscReal    before = *ratio;
+
+    if (!e->op->overstep) continue;
+    PetscCall((*e->op->overstep)(c, e->data, ratio));
+    if (who && *ratio > before) *who = e->op->name;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 const char *CoupleLimitName(Couple c, PetscInt i)
 {
   for (PetscInt e = 0; e < c->nparticipants; e++)

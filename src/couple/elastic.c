@@ -3,12 +3,13 @@
 #include "elastic.h"
 #include "elasticgap.h"
 #include "impl.h"
-#include "base/algebra.h"
+#include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
 #include "couple/participant.h"
 
+#define FAR        2    /* over the way that a step stands */
 #define ON_SURFACE 1e-6 /* of the smallest cell: such nodes are on a rigid body */
 
 /* ---- life cycle ---- */
@@ -309,11 +310,34 @@ static PetscErrorCode add_losses(Couple c, void *data, CoupleLosses *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode limit(Couple c, void *data, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ElasticLimitStep((const Elastic *)data, c, dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode overstep(Couple c, void *data, PetscReal *ratio)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ElasticOverstep((const Elastic *)data, c, ratio));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode advance(Couple c, void *data)
 {
   Elastic *e = (Elastic *)data;
 
+  PetscReal ratio = 0;
+
   PetscFunctionBeginUser;
+  PetscCall(ElasticOverstep(e, c, &ratio));
+  if (ratio > FAR && !e->told)
+    PetscCall(
+      LogRemark("an elastic particle moves, or is strained, %.2g times as far as a step stands (a cell, a half) in the step to t = %g: lower -sim_dt "
+                "(%g), at the start at least",
+                (double)ratio, (double)c->step->time, (double)c->step->dt));
+  e->told = (PetscBool)(e->told || ratio > FAR);
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -357,6 +381,8 @@ static const CoupleParticipant ELASTIC = {.name         = "elastic",
                                           .balance      = balance,
                                           .energy       = add_energy,
                                           .losses       = add_losses,
+                                          .limit        = limit,
+                                          .overstep     = overstep,
                                           .advance      = advance,
                                           .discard      = discard,
                                           .after_remesh = make_on_mesh,

@@ -62,6 +62,7 @@ typedef struct Elastic {
   PetscReal      *force;           /* [own nodes][dim] on the flow */
   PetscReal      *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
   PetscBool       compared;        /* sizes of cells, solids' and flow's */
+  PetscBool       told;            /* that a step was too long */
   PetscBool       started;         /* velocities of the first step are those of the flow */
   PetscBool       aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign    align;           /* NULL: immersed, or not yet */
@@ -103,3 +104,6 @@ void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
 /* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
    it gives back what it took as bodies part. Collective. */
 PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);
+/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. */
+PetscErrorCode ElasticLimitStep(const Elastic *, Couple, PetscReal *dt);
+PetscErrorCode ElasticOverstep(const Elastic *, Couple, PetscReal *ratio);

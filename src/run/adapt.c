@@ -106,11 +106,12 @@ static PetscErrorCode limit_start(void *adapt, PetscReal *dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Largest way in the step that was solved, of the fastest point of a body, over the one that is allowed */
+/* Largest way in the step that was solved, of the fastest point of a body, over the one that is allowed; likewise of
+   other participants */
 static PetscErrorCode measure_displacement(Adapt a, PetscReal dt, PetscReal *ratio)
 {
   const PetscInt dim = a->l->dim, nr = RigidSize(dim);
-  PetscReal     *U;
+  PetscReal     *U, others;
 
   PetscFunctionBeginUser;
   *ratio = 0;
@@ -122,6 +123,8 @@ static PetscErrorCode measure_displacement(Adapt a, PetscReal dt, PetscReal *rat
     if (!a->s->removed[k]) *ratio = PetscMax(*ratio, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
   }
   PetscCall(BodiesMax(a->bodies, 1, ratio));
+  PetscCall(CoupleOverstep(a->couple, &others, NULL));
+  *ratio = PetscMax(*ratio, others);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

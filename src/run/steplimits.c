@@ -5,7 +5,8 @@
 
 #define SHORT   10 /* times shorter than expected: steps that are counted, and remarked when they are MANY of all */
 #define MANY    0.1
-#define SEVERAL 20 /* steps, of which a run has more: a sudden start makes the first ones short */
+#define BEYOND  1.1 /* length of a step over what a participant stands, that counts: speeds are extrapolated */
+#define SEVERAL 20  /* steps, of which a run has more: a sudden start makes the first ones short */
 
 typedef struct {
   Limit     limit;
@@ -163,7 +164,9 @@ PetscErrorCode LimitsExceed(Limits l, PetscInt row)
 
 PetscErrorCode LimitsAccept(Limits l, PetscReal dt)
 {
-  Row *deciding = &l->row[l->deciding];
+  Row        *deciding = &l->row[l->deciding];
+  PetscReal   ratio    = 0;
+  const char *who;
 
   PetscFunctionBeginUser;
   deciding->dt_min = deciding->steps ? PetscMin(deciding->dt_min, dt) : dt;
@@ -171,6 +174,8 @@ PetscErrorCode LimitsAccept(Limits l, PetscReal dt)
   deciding->steps++;
   l->accepted++;
   if (dt * SHORT < l->expected) l->row[l->cause].brief++;
+  if (l->couple) PetscCall(CoupleOverstep(l->couple, &ratio, &who));
+  if (ratio > BEYOND) PetscCall(LimitsExceed(l, find_row(l, who)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

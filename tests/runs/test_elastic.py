@@ -1,5 +1,6 @@
 """Elastic particles: scenes of runs/ against exact and published values at reduced size, the same on all numbers of ranks, restarts, refusals."""
 import csv
+import json
 import math
 import sys
 
@@ -80,6 +81,19 @@ def test_sinks(run, scene):
     assert last["solid_energy_soft"] == pytest.approx(23.881, rel=0.003)
     assert last["solid_stretch_soft"] == pytest.approx(1.0311, abs=0.004)
     assert last["momentum_error"] < 1e-12 and last["divergence"] < 0.01
+
+
+def test_limits(run, scene):
+    """A heavy ellipse from rest: a step much too long is refused with -sim_adapt, remarked without; then none goes beyond a cell."""
+    heavy = scene(SINKS.replace("density: 1.05", "density: 8").replace("cells: [28, 42]", "cells: [20, 30]"))
+    limits = {}
+    for adapt in ("true", "false"):
+        result = run([heavy, "-output_dir", adapt, "-sim_adapt", adapt, "-sim_dt", "0.02", "-sim_steps", "4"])
+        assert result.status == 0, str(result)
+        limits[adapt] = {row["who"]: row for row in json.loads((result.folder / adapt / "summary.json").read_text())["step_limits"]}
+        assert ("as far as a step stands" in result.out + result.err) == (adapt == "false")
+    assert limits["true"]["displacement"]["refused"] == 1 and limits["true"]["elastic"]["exceeded"] == 0
+    assert limits["false"]["elastic"]["exceeded"] >= 1 and limits["false"]["elastic"]["steps"] == 3
 
 
 # A disc that settles, 8 cells a diameter, at a viscous number of .4

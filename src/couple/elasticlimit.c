@@ -1,0 +1,76 @@
+/* Elastic, limits of a step: no node of a solid goes further than a cell of the flow, so that none leaps over the cell
+   in which contact keeps it away, and no cell of a solid is strained by more than a half, so that its nodes as they are
+   predicted do not cross. Waves of the material are implicit and limit nothing. */
+#include "compat.h"
+#include "elastic.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+#define WAY    1.0
+#define STRAIN 0.5
+
+/* Largest |grad u| (Frobenius) of solid k with velocities u [mesh.nnode][dim], at quadrature points */
+static PetscReal find_rate(const Elastic *e, PetscInt k, const PetscReal u[])
+{
+  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
+  const PetscInt   dim  = m->dim;
+  PetscReal        most = 0;
+
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+    PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N], F[9], inverse[9], G[9], square = 0;
+
+    SolidGather(m, i / m->nq, e->s->x + dim * e->s->first[k], xc);
+    SolidGather(m, i / m->nq, u, uc);
+    (void)SolidGradient(m, i / m->nq, i % m->nq, xc, F);
+    (void)SolidGradient(m, i / m->nq, i % m->nq, uc, G);
+    (void)DenseInvertMap(dim, F, inverse);
+    for (PetscInt j = 0; j < dim * dim; j++) {
+      PetscReal d = 0;
+
+      for (PetscInt A = 0; A < dim; A++) d += G[j / dim * dim + A] * inverse[A * dim + j % dim];
+      square += d * d;
+    }
+    most = PetscMax(most, square);
+  }
+  return PetscSqrtReal(most);
+}
+
+/* The longest step that velocities u [nnode][dim] let the solids stand */
+static PetscReal find_longest(const Elastic *e, Couple c, const PetscReal u[])
+{
+  const SolidsState *s       = e->s;
+  PetscReal          longest = PETSC_MAX_REAL, rate;
+
+  for (PetscInt i = 0; i < s->nnode; i++) {
+    PetscReal square = 0;
+
+    for (PetscInt a = 0; a < s->dim; a++) square += PetscSqr(u[s->dim * i + a]);
+    if (square > 0) longest = PetscMin(longest, WAY * c->loc->h / PetscSqrtReal(square));
+  }
+  for (PetscInt k = 0; k < s->n; k++)
+    if ((rate = find_rate(e, k, u + s->dim * s->first[k])) > 0) longest = PetscMin(longest, STRAIN / rate);
+  return longest;
+}
+
+PetscErrorCode ElasticLimitStep(const Elastic *e, Couple c, PetscReal *dt)
+{
+  const SolidsState *s    = e->s;
+  const PetscInt     n    = s->nnode * s->dim;
+  const PetscReal    more = s->time_dt > 0 ? PetscMin(1, *dt / s->time_dt) : 0; /* of the last change once more */
+  PetscReal         *u;
+
+  PetscFunctionBeginUser;
+  *dt = PetscMin(*dt, find_longest(e, c, s->u));
+  PetscCall(PetscMalloc1(n, &u));
+  for (PetscInt i = 0; i < n; i++) u[i] = s->u[i] + more * (s->u[i] - s->u_old[i]);
+  *dt = PetscMin(*dt, find_longest(e, c, u));
+  PetscCall(PetscFree(u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticOverstep(const Elastic *e, Couple c, PetscReal *ratio)
+{
+  PetscFunctionBeginUser;
+  *ratio = PetscMax(*ratio, c->step->dt / find_longest(e, c, e->u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
