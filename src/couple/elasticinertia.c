@@ -206,19 +206,42 @@ void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const 
   }
 }
 
-void ElasticInertiaPower(const ElasticInertia *in, const MeshLocal *l, const PetscReal u[], PetscReal *terms,
-                         PetscReal *force)
+/* flux [dim] += int u over a cell */
+static PetscErrorCode add_flux(const ElementTables *t, Mesh mesh, const MeshLocal *l, PetscInt cell,
+                               const PetscReal u[], PetscReal flux[])
+{
+  const PetscInt nb = l->nb, dim                         = l->dim;
+  PetscReal      xc[MESH_MAX_NB * 3], whole[MESH_MAX_NB] = {0};
+  ElementMetric  metric;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(mesh, cell, xc));
+  ElementSetMetric(t, xc, &metric);
+  for (PetscInt q = 0; q < t->nq; q++)
+    for (PetscInt j = 0; j < nb; j++) whole[j] += metric.weight[q] * t->phi[q * t->nbp + j];
+  MeshCellScatter(l, cell, 1, whole);
+  for (PetscInt j = 0; j < nb * dim; j++)
+    flux[j % dim] += whole[j / dim] * u[dim * l->cell_node[cell * nb + j / dim] + j % dim];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticInertiaPower(const ElasticInertia *in, Mesh mesh, const MeshLocal *l, const PetscReal u[],
+                                   PetscReal *terms, PetscReal *force, PetscReal flux[])
 {
   const PetscInt nb = l->nb, dim = l->dim;
 
+  PetscFunctionBeginUser;
   *terms = *force = 0;
+  for (PetscInt a = 0; a < dim; a++) flux[a] = 0;
   for (PetscInt e = 0; e < in->n; e++) {
     const PetscInt  *node = l->cell_node + in->cell[e] * nb;
     const PetscReal *M    = in->matrix + e * nb * nb;
 
     if (in->cell[e] >= l->ncell) continue;
+    PetscCall(add_flux(&in->tables, mesh, l, in->cell[e], u, flux));
     for (PetscInt i = 0; i < nb * nb; i++)
       for (PetscInt a = 0; a < dim; a++) *terms += u[node[i / nb] * dim + a] * M[i] * u[node[i % nb] * dim + a];
   }
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) *force += in->nodal[i] * u[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }

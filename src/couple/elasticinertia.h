@@ -27,7 +27,7 @@ PetscErrorCode ElasticInertiaAssemble(ElasticInertia *, Flow, const FlowStep *, 
    free [nnode_all][dim], own cells. Not collective. */
 void ElasticInertiaAddForce(const ElasticInertia *, const MeshLocal *, const PetscReal u[], const PetscReal free[],
                             PetscReal push[]);
-/* Power, against velocity u, of what stands for own cells: *terms by their matrices, *force by the other side. Not
-   collective. */
-void ElasticInertiaPower(const ElasticInertia *, const MeshLocal *, const PetscReal u[], PetscReal *terms,
-                         PetscReal *force);
+/* Power, against velocity u, of what stands for own cells: *terms by their matrices, *force by the other side; flux
+   [dim] = int u over them. Not collective. */
+PetscErrorCode ElasticInertiaPower(const ElasticInertia *, Mesh, const MeshLocal *, const PetscReal u[],
+                                   PetscReal *terms, PetscReal *force, PetscReal flux[]);

@@ -25,6 +25,21 @@ static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
   return half;
 }
 
+/* Power of the weight in excess of the fluid's */
+static PetscReal weight_power(const Elastic *e, Couple c)
+{
+  PetscReal power = 0;
+
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const PetscReal excess = e->s->group[e->s->group_of[k]].density - c->par->density;
+    PetscReal       u[3];
+
+    (void)kinetic(e, k, u);
+    for (PetscInt a = 0; a < e->s->dim; a++) power += excess * c->par->gravity[a] * u[a];
+  }
+  return power;
+}
+
 void ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
 {
   const SolidsState *s = e->s;
@@ -32,31 +47,14 @@ void ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidGroup *g     = s->group + s->group_of[k];
     const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
-    PetscReal         u[3], half = kinetic(e, k, u);
+    PetscReal         momentum[3], half = kinetic(e, k, momentum);
     SolidSums         sums;
 
     SolidMeasure(&g->mesh, &g->material, e->end + s->dim * s->first[k], &sums);
     w->energy += (g->density - inner) * half + sums.strain_energy;
     w->size += g->density * half + sums.strain_energy;
-    for (PetscInt a = 0; a < s->dim; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * u[a];
   }
-  w->power += e->supplied;
-}
-
-/* Power of the weight: that in excess of the fluid's of immersed solids, all of those that the mesh follows */
-static PetscReal weight_power(const Elastic *e, Couple c)
-{
-  PetscReal power = 0;
-
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    const PetscReal density = e->s->group[e->s->group_of[k]].density;
-    PetscReal       u[3];
-
-    (void)kinetic(e, k, u);
-    for (PetscInt a = 0; a < e->s->dim; a++)
-      power += (density - (ElasticIsLined(e, k) ? 0 : c->par->density)) * c->par->gravity[a] * u[a];
-  }
-  return power;
+  w->power += weight_power(e, c) + e->supplied;
 }
 
 /* Of the cells of solids that this rank has: what their own viscosity takes */
@@ -134,15 +132,21 @@ static PetscErrorCode push_power(const Elastic *e, Couple c, PetscReal *power)
 
 PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
 {
-  PetscReal total, sum[6] = {viscous_power(e), ElasticContactPower(e), volume_power(e, c->field.p)};
+  PetscReal total, flux[3], inertia = 0, force = 0;
+  PetscReal sum[5] = {viscous_power(e), ElasticContactPower(e), 0, volume_power(e, c->field.p)};
 
   PetscFunctionBeginUser;
   PetscCall(total_power(e, &total));
-  PetscCall(push_power(e, c, &sum[5]));
-  if (e->align) ElasticInertiaPower(&e->inertia, c->loc, c->field.u, &sum[3], &sum[4]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, c->comm));
+  PetscCall(push_power(e, c, &sum[2]));
+  if (e->align) {
+    PetscCall(ElasticInertiaPower(&e->inertia, c->mesh, c->loc, c->field.u, &inertia, &force, flux));
+    for (PetscInt a = 0; a < e->s->dim; a++) force -= c->par->density * c->par->gravity[a] * flux[a];
+  }
+  sum[3] += inertia;
+  sum[4] = force; /* with the weight of the fluid that the pressure has there */
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, c->comm));
   w->viscous += sum[0];
-  w->boundary -= sum[1] + sum[5] + sum[2] + sum[3];
-  w->inertia += total + weight_power(e, c) - sum[0] + sum[1] + sum[2] + sum[3] - sum[4];
+  w->boundary -= sum[1] + sum[2] + sum[3];
+  w->inertia += total - sum[0] + sum[1] + sum[3] - sum[4] + weight_power(e, c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,7 +11,7 @@ The kind goes by the seed. `draw_kind(seed)` gives the scene, its ranks, its sca
 import math
 import random
 
-from kinds import fuzzdrops
+from kinds import fuzzdrops, fuzzsolids
 from kinds.fuzzdraws import power, some
 
 KINDS = ["round", "spring", "alone", "restart", "file"]
@@ -350,6 +350,8 @@ def compare_runs(first, second, s):
 
 def draw_kind(seed):
     """Kind, scene, ranks, scales, files {name: text}, check(run, scene, s) of a seed from FIRST on"""
+    if seed >= fuzzsolids.FIRST:
+        return fuzzsolids.draw_solids(seed)
     if seed >= fuzzdrops.FIRST:
         return fuzzdrops.draw_drops(seed)
     kind, draw = KINDS[(seed - FIRST) % len(KINDS)], random.Random(f"kind {seed}")
