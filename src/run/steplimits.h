@@ -66,7 +66,8 @@ const char *LimitsName(Limits, PetscInt row);
 PetscErrorCode LimitsRefuse(Limits, PetscInt row);
 /* The step was longer than this row's bound (LIMIT_CHECK). `limits` may be NULL. */
 PetscErrorCode LimitsExceed(Limits, PetscInt row);
-/* The step of length dt was taken: counts it, also as beyond the limit of a participant (CoupleOverstep). Collective. */
+/* The step of length dt was taken: counts it, also as beyond what a participant stands (CoupleOverstep). Collective.
+   */
 PetscErrorCode LimitsAccept(Limits, PetscReal dt);
 
 /* Steps are expected to be as long as this: where many become shorter than a tenth, LimitsFinish remarks why. */
