@@ -2,7 +2,8 @@
    of the whole (see flow.h).
 
    Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of
-   FlowAddCellTerms and other owners are not part. Changes nothing in the Flow. Only FlowDiagnose is collective. */
+   FlowAddCellTerms and other owners are not part. Only FlowDiagnose is collective, and keeps what the next step wants:
+   the CFL number and the momentum that convection took. */
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"
@@ -304,6 +305,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
     out->traction[d] = of.traction[d];
     out->velocity[d] = of.velocity[d];
   }
+  FlowKeepMomentum(f, out->flux, of.volume);
   out->volume         = of.volume;
   out->kinetic_energy = 0.5 * rho * of.square;
   out->divergence     = PetscSqrtReal(of.divergence);

@@ -5,7 +5,7 @@
 
 static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL};
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", "auto", NULL};
-static const char *const FORMS[]          = {"convective", "skew", NULL};
+static const char *const FORMS[]          = {"convective", "skew", "conservative", NULL};
 static const char *const OPERATORS[]      = {"auto", "matrix_free", "assembled", NULL};
 
 /* Without a matrix in space: its rows have 64 entries, and no part of the solver wants them as they are */
@@ -39,7 +39,8 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(choose_operator(f));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
-  p->skew = form == 1 ? 0.5 : 0;
+  p->skew             = form == 1 ? 0.5 : 0;
+  f->force.kept.wanted = (PetscBool)(form == 2);
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->time.scheme));
   p->extrapolation = FLOW_AUTO;
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->extrapolation));
@@ -106,6 +107,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(FlowCreateComponents(f));
   if (f->material) PetscCall((*f->material->create)(f));
   PetscCall(read_rate(f));
+  PetscCall(FlowCheckKept(f));
   PetscCall(FlowSetInitial(f));
   PetscCall(OnDeviceCreate(f, &f->device));
   *flow = f;
@@ -242,6 +244,8 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->time.dt_older));
   PetscCall(StateHas(state, "cfl", &has));
   if (older >= 0 && f->time.parabola && has) PetscCall(StateReals(state, "cfl", 1, &f->time.cfl));
+  PetscCall(StateHas(state, "momentum_taken", &has));
+  if (f->force.kept.wanted && has) PetscCall(StateReals(state, "momentum_taken", 3, f->force.kept.impulse));
   PetscCall(StateInts(state, "steps", 1, &f->time.nsteps));
   PetscCall(StateInts(state, "substep", 1, &f->time.substep));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -98,8 +98,34 @@ PetscErrorCode FlowSetMeanPressureGradient(Flow f, const PetscReal force[3])
   for (PetscInt a = 0; a < 3; a++) {
     f->force.pressure_gradient[a] = force[a];
     f->par.force[a]               = f->force.given[a] + force[a];
+    if (f->force.kept.impulse[a] != 0 && f->step.dt > 0) f->par.force[a] += f->force.kept.impulse[a] / f->step.dt;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCheckKept(Flow f)
+{
+  PetscInt  n, open;
+  PetscBool wall, opening;
+
+  PetscFunctionBeginUser;
+  if (!f->force.kept.wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshGetBoundaryCount(f->mesh, &n));
+  for (PetscInt b = 0; b < n; b++) {
+    PetscCall(ConditionsGetKind(f->boundary, b, &wall, &opening));
+    PetscCheck(!opening, f->comm, PETSC_ERR_USER_INPUT,
+               "-flow_convection_form conservative counts on a domain without inflow or outflow, through which momentum goes: use convective or skew");
+  }
+  PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
+  f->force.kept.axes = open & ~f->par.rate_axes; /* there the mean velocity is held */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void FlowKeepMomentum(Flow f, const PetscReal flux[3], PetscReal volume)
+{
+  for (PetscInt a = 0; a < f->loc->dim; a++)
+    if (f->force.kept.wanted && (f->force.kept.axes >> a) & 1)
+      f->force.kept.impulse[a] = flux[a] / volume * f->step.dt;
 }
 
 PetscErrorCode FlowEvaluateForces(Flow f)

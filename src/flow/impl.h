@@ -73,6 +73,13 @@ typedef struct {
   struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
 } FlowMatrix;
 
+/* -flow_convection_form conservative */
+typedef struct {
+  PetscBool wanted;
+  PetscInt  axes;       /* bit mask of periodic ones */
+  PetscReal impulse[3]; /* over volume, that convection took in the last step */
+} FlowKept;
+
 typedef struct {
   VectorField field; /* of FlowSetSource */
   void       *ctx;
@@ -83,6 +90,7 @@ typedef struct {
   Expr gravity,
     expr; /* NULL: numbers, in par; those that do not depend on the position are put into par in every step */
   Traction traction; /* of openings of type pressure, NULL: there are none */
+  FlowKept kept;
 } FlowForces;
 
 /* How the flow starts */
@@ -121,6 +129,10 @@ struct _p_Flow {
 
 /* Read density, gravity and body force. Collective. */
 PetscErrorCode FlowReadForces(Flow);
+/* -flow_convection_form conservative: along which axes. Error: the domain has openings. Collective. */
+PetscErrorCode FlowCheckKept(Flow);
+/* That what convection took of the momentum in this step, flux [3] times its length, comes back in the next. Local. */
+void FlowKeepMomentum(Flow, const PetscReal flux[3], PetscReal volume);
 /* Read how the flow starts, and set u and u_old if it is a closed form. Collective. */
 PetscErrorCode FlowSetInitial(Flow);
 /* Velocity of side `side` of the box (DOMAIN_SIDE) as a wall, v [3], once its ramp has ended; *wall: is it one of type

@@ -106,8 +106,9 @@ static const OptSpec SPECS[] = {
    .when = FLOW, .choices = "none, emulate, cuda", .also = "gpu, accelerator", .words = "gpu cuda, cpu none",
    .find = "graphics card, nvidia"},
   {"-flow_convection_form", OPT_CHOICE, "", OPT_ANY, "convective",
-   .help = "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", .when = FLOW,
-   .choices = "convective, skew"},
+   .help =
+     "w.grad u; with half of (div w) u, which keeps the energy whatever the divergence of w; or w.grad u, and what it takes of the momentum along periodic axes comes back as a uniform force in the next step",
+   .when = FLOW, .choices = "convective, skew, conservative"},
   {"-flow_time", OPT_CHOICE, "", OPT_ANY, "bdf2", .help = "time scheme (default with -couple_type explicit: be)",
    .when = FLOW, .choices = "be, cn, bdf2, fstheta", .also = "scheme, time_scheme, time_integration, timestepping",
    .words =
