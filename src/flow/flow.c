@@ -39,7 +39,7 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(choose_operator(f));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
-  p->skew             = form == 1 ? 0.5 : 0;
+  p->skew              = form == 1 ? 0.5 : 0;
   f->force.kept.wanted = (PetscBool)(form == 2);
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->time.scheme));
   p->extrapolation = FLOW_AUTO;

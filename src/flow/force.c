@@ -124,8 +124,7 @@ PetscErrorCode FlowCheckKept(Flow f)
 void FlowKeepMomentum(Flow f, const PetscReal flux[3], PetscReal volume)
 {
   for (PetscInt a = 0; a < f->loc->dim; a++)
-    if (f->force.kept.wanted && (f->force.kept.axes >> a) & 1)
-      f->force.kept.impulse[a] = flux[a] / volume * f->step.dt;
+    if (f->force.kept.wanted && (f->force.kept.axes >> a) & 1) f->force.kept.impulse[a] = flux[a] / volume * f->step.dt;
 }
 
 PetscErrorCode FlowEvaluateForces(Flow f)
