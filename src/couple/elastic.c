@@ -398,7 +398,7 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-flow_solver", kind, sizeof(kind)));
   PetscCheck(strcmp(kind, "fast"), c->comm, PETSC_ERR_SUP,
-             "-flow_solver fast (or -preset fast) leaves too much of the force of an elastic solid: use -flow_solver balanced, accurate or direct");
+             "-flow_solver fast leaves too much of the force of an elastic solid: use -flow_solver balanced, accurate or direct");
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].compressible || !strcmp(kind, "direct"), c->comm, PETSC_ERR_SUP,
                "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct",

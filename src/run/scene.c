@@ -248,7 +248,8 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, l->lower, l->upper, &sim->solids));
   PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   if (active && refusal)
-    PetscCall(DefaultsApply(sim->mesh, sim->bodies, (PetscBool) !!sim->drops, steady, refusal, len));
+    PetscCall(
+      DefaultsApply(sim->mesh, sim->bodies, (PetscBool) !!sim->solids, (PetscBool) !!sim->drops, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {

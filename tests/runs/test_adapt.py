@@ -208,3 +208,18 @@ def test_the_guide_shows_what_is_printed(run):
     command, table = re.search(r"`build/tumble (\S+) ([^`]*)`", text), re.search(r"```\n(.*?)```", text, re.S).group(1)
     page = run([ROOT / command.group(1), *command.group(2).split()]).out
     assert [line.split()[:-2] for line in table.splitlines()] == [line.split()[:-2] for line in page.splitlines() if line.startswith(("  length of steps", "  the error of", "  the displacement of"))]
+
+
+@pytest.mark.parametrize("preset", [[], ["-preset", "accurate"]])
+def test_immersed_solids(rows_of, preset):
+    """Fields jump from cell to cell around immersed elastic bodies, whatever the step: no reason for shorter ones (a hundredfold, before)"""
+    small = ["-mesh_cells", "12,18", "-particle_soft_count", "4", "-particle_soft_solid_size", "0.15", "-output_every", "0"]
+    rows = rows_of([ROOT / "runs" / "soft-suspension.yaml", *small, *preset, "-sim_adapt", "true", "-sim_time", "0.2"])
+    assert len(rows) <= 12 and min(row["dt"] for row in rows) > 0.01, len(rows)
+
+
+@pytest.mark.parametrize("preset", ["fast", "balanced", "accurate"])
+def test_drops(rows_of, preset):
+    """Presets take steps with drops as they are, and no solver of a single sweep, by which a drop at rest breaks"""
+    rows = rows_of([ROOT / "runs" / "drop-static.yaml", "-preset", preset, "-sim_steps", "10"])
+    assert len(rows) == 10 and rows[-1]["kinetic_energy"] < 1e-8
