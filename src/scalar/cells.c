@@ -17,23 +17,46 @@ PetscErrorCode ScalarCellCoordinates(Scalars all, PetscInt c, PetscReal xc[])
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(all->mesh, c, xc));
-  for (PetscInt i = 0; i < l->nb * l->dim && all->shift; i++)
-    xc[i] += all->shift[l->cell_node[c * l->nb + i / l->dim] * l->dim + i % l->dim];
+  for (PetscInt j = 0; j < l->nb && all->shift; j++)
+    for (PetscInt a = 0; a < l->dim; a++) xc[j * l->dim + a] += all->shift[l->cell_node[c * l->nb + j] * l->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool ScalarIsBox(Scalars all, const PetscReal xc[], PetscReal edge[3])
+/* Edges of all cells that are boxes, where nodes are now */
+static PetscErrorCode find_boxes(Scalars all)
 {
-  return (PetscBool)MeshIsBox(all->loc->dim, all->loc->nb, xc, BOX, edge);
-}
-
-PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric *m)
-{
-  const PetscInt dim = all->loc->dim;
-  PetscReal      edge[3], inverse[9] = {0}, det = 1;
+  const MeshLocal *l = all->loc;
 
   PetscFunctionBeginUser;
-  if (!ScalarIsBox(all, xc, edge)) {
+  if (!all->edge) PetscCall(PetscMalloc1(l->ncell_all * 3, &all->edge));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal xc[MESH_MAX_NB * 3], *edge = all->edge + 3 * c;
+
+    PetscCall(ScalarCellCoordinates(all, c, xc));
+    if (!MeshIsBox(l->dim, l->nb, xc, BOX, edge)) edge[0] = 0;
+  }
+  all->moves = l->moves;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCellBox(Scalars all, PetscInt c, const PetscReal *edge[])
+{
+  PetscFunctionBeginUser;
+  if (all->moves != all->loc->moves) PetscCall(find_boxes(all));
+  *edge = all->edge[3 * c] > 0 ? all->edge + 3 * c : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCellMetric(Scalars all, PetscInt c, ElementMetric *m)
+{
+  const PetscInt   dim = all->loc->dim;
+  const PetscReal *edge;
+  PetscReal        xc[MESH_MAX_NB * 3], inverse[9] = {0}, det = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellBox(all, c, &edge));
+  if (!edge) {
+    PetscCall(ScalarCellCoordinates(all, c, xc));
     ElementSetMetric(&all->element, xc, m);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -45,22 +68,23 @@ PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarCellIntegrate(Scalars all, const PetscReal xc[], PetscReal scale, const PetscReal v[],
-                                   PetscReal r[])
+PetscErrorCode ScalarCellIntegrate(Scalars all, PetscInt c, PetscReal scale, const PetscReal v[], PetscReal r[])
 {
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp;
-  PetscReal      edge[3], y[ELEMENT_MAX_NBP] = {0};
-  ElementMetric  m;
+  const PetscInt   dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp;
+  const PetscReal *edge;
+  PetscReal        y[ELEMENT_MAX_NBP] = {0};
+  ElementMetric    m;
 
   PetscFunctionBeginUser;
-  if (ScalarIsBox(all, xc, edge)) {
+  PetscCall(ScalarCellBox(all, c, &edge));
+  if (edge) {
     for (PetscInt a = 0; a < dim; a++) scale *= 0.5 * edge[a];
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt i = 0; i < nbp; i++) y[i] += all->element.mass[j * nbp + i] * v[j];
     for (PetscInt i = 0; i < nb; i++) r[i] = scale * y[i];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  ElementSetMetric(&all->element, xc, &m);
+  PetscCall(ScalarCellMetric(all, c, &m));
   for (PetscInt i = 0; i < nb; i++) r[i] = 0;
   for (PetscInt q = 0; q < all->element.nq; q++) {
     const PetscReal *phi = all->element.phi + q * nbp;
@@ -181,8 +205,8 @@ static void add_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[
 }
 
 /* Of a cell of one material */
-static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], PetscReal wl[],
-                                  PetscReal A[], PetscReal M[], PetscReal f[])
+static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, PetscReal wl[], PetscReal A[],
+                                  PetscReal M[], PetscReal f[])
 {
   const MeshLocal *l  = all->loc;
   const PetscInt   nb = l->nb, nbp = all->element.nbp;
@@ -193,7 +217,7 @@ static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, cons
   ElementMetric m;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellMetric(all, xc, &m));
+  PetscCall(ScalarCellMetric(all, c, &m));
   for (PetscInt i = 0; i < nb * l->dim && wl; i++) wl[i] *= theta * capacity;
   ElementOperator(&all->element, &m, capacity * (all->step.ct + theta * s->decay), theta * conductivity, wl, 0, A);
   if (m.affine)
@@ -208,57 +232,68 @@ static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ScalarCellLinear(Scalars all, const Scalar *s, PetscInt c, PetscReal linear[])
+{
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(linear, nb));
+  if (!s->par.periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt a = 0; a < dim; a++) linear[j] += s->par.gradient[a] * xc[j * dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Right-hand side of the step: f += M d(T) - L ((1 - theta) T^n + G.x), with theta L = A - c_t M */
-static void add_history(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarCell *cell)
+static PetscErrorCode add_history(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
 {
   const MeshLocal  *l  = all->loc;
   const ScalarStep *p  = &all->step;
   const PetscInt    nb = l->nb, nbp = all->element.nbp;
   PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB], d[MESH_MAX_NB], y[MESH_MAX_NB], z[MESH_MAX_NB];
 
+  PetscFunctionBeginUser;
   ScalarCellGather(l, c, 1, s->T, now);
   ScalarCellGather(l, c, 1, s->T_old, old);
   for (PetscInt j = 0; j < nb; j++) d[j] = p->d0 * now[j] + p->d1 * old[j];
   multiply(nb, nbp, cell->M, d, y);
   for (PetscInt j = 0; j < nb; j++) cell->f[j] += y[j];
-  if (p->theta == 1 && !s->par.periodic_gradient) return;
-  for (PetscInt j = 0; j < nb; j++) {
-    cell->linear[j] = 0;
-    for (PetscInt a = 0; a < l->dim; a++) cell->linear[j] += s->par.gradient[a] * xc[j * l->dim + a];
-    d[j] = (1 - p->theta) * now[j] + cell->linear[j];
-  }
+  if (p->theta == 1 && !s->par.periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarCellLinear(all, s, c, cell->linear));
+  for (PetscInt j = 0; j < nb; j++) d[j] = (1 - p->theta) * now[j] + cell->linear[j];
   multiply(nb, nbp, cell->A, d, y);
   multiply(nb, nbp, cell->M, d, z);
   for (PetscInt j = 0; j < nb; j++) cell->f[j] -= (y[j] - p->ct * z[j]) / p->theta;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarCellMatrices(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarCell *cell)
+PetscErrorCode ScalarCellMatrices(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
 {
   const MeshLocal *l  = all->loc;
   const PetscInt   nb = l->nb, nbp = all->element.nbp, sample = s->cells.sample ? s->cells.sample[c] : -1;
-  PetscReal        wl[MESH_MAX_NB * 3];
+  PetscReal        wl[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(cell->f, nb));
   if (s->w) ScalarCellGather(l, c, l->dim, s->w, wl);
   if (sample >= 0) {
+    PetscCall(ScalarCellCoordinates(all, c, xc));
     PetscCall(PetscArrayzero(cell->A, nb * nbp));
     PetscCall(PetscArrayzero(cell->M, nb * nbp));
     add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
-  } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+  } else PetscCall(set_uniform(all, s, c, s->w ? wl : NULL, cell->A, cell->M, cell->f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
 {
-  PetscReal xc[MESH_MAX_NB * 3];
-
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
-  PetscCall(ScalarCellMatrices(all, s, c, xc, cell));
+  PetscCall(ScalarCellMatrices(all, s, c, cell));
   if (s->limit.part && s->limit.part[c] > 0 && s->w) ScalarLimitCell(all, s, c, cell->A, cell->M);
   if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
   if (s->cell_side) PetscCall(add_sides(all, s, c, cell->A, cell->f));
-  add_history(all, s, c, xc, cell);
+  PetscCall(add_history(all, s, c, cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

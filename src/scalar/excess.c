@@ -4,7 +4,6 @@
 #include "impl.h"
 
 typedef struct {
-  PetscReal    xc[MESH_MAX_NB * 3];
   PetscReal    history[MESH_MAX_NB]; /* d0 T^n + d1 T^{n-1} at the nodes */
   ScalarValues v;
   ScalarPoints points;
@@ -16,10 +15,9 @@ static PetscErrorCode begin_cell(Scalars all, const Scalar *s, PetscInt c, Cell 
   const ScalarValues *v = &cell->v;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, cell->xc));
-  ScalarCellValues(all, s, c, cell->xc, &cell->v);
+  PetscCall(ScalarCellValues(all, s, c, &cell->v));
   for (PetscInt j = 0; j < all->loc->nb; j++) cell->history[j] = p->d0 * v->now[j] + p->d1 * v->old[j];
-  PetscCall(ScalarCellPoints(all, s, c, cell->xc, &cell->points));
+  PetscCall(ScalarCellPoints(all, s, c, &cell->points));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -29,7 +27,7 @@ static PetscErrorCode take_point(Scalars all, const Cell *cell, PetscInt q, Scal
 {
   PetscFunctionBeginUser;
   *x = *history = 0;
-  PetscCall(ScalarCellPoint(all, &cell->points, q, cell->xc, p));
+  PetscCall(ScalarCellPoint(all, &cell->points, q, p));
   for (PetscInt j = 0; j < all->loc->nb; j++) {
     *x += p->phi[j] * cell->v.x[j];
     *history += p->phi[j] * cell->history[j];
@@ -89,13 +87,13 @@ static PetscBool add_still(Scalars all, Scalar *s, PetscInt c, const PetscReal V
 {
   const MeshLocal *l   = all->loc;
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + c * nb;
-  PetscReal        xc[MESH_MAX_NB * 3], edge[3], weight[MESH_MAX_NB],
-    volume = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+  const PetscReal *edge;
+  PetscReal        weight[MESH_MAX_NB], volume = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
 
   if (s->cells.sample && s->cells.sample[c] >= 0) return PETSC_FALSE;
   for (PetscInt e = 0; e < nb * dim && V; e++)
     if (V[node[e / dim] * dim + e % dim] != 0) return PETSC_FALSE;
-  if (ScalarCellCoordinates(all, c, xc) || !ScalarIsBox(all, xc, edge)) return PETSC_FALSE;
+  if (ScalarCellBox(all, c, &edge) || !edge) return PETSC_FALSE;
   for (PetscInt a = 0; a < dim; a++) volume *= 0.5 * edge[a];
   for (PetscInt j = 0; j < nb; j++) weight[j] = volume * all->integral[j];
   MeshCellScatter(l, c, 1, weight);
@@ -146,11 +144,11 @@ PetscErrorCode ScalarsIntegrate(Scalars all, PetscInt c, PetscInt n, const Petsc
 
   PetscFunctionBeginUser;
   *sum = 0;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
+  if (n) PetscCall(ScalarCellCoordinates(all, c, xc));
   for (PetscInt q = 0; q < PetscPowInt(n, all->loc->dim) && n; q++)
     *sum += v[q] * ScalarSampleBasis(all, n, q, xc, phi, g);
   if (n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarCellMetric(all, xc, &m));
+  PetscCall(ScalarCellMetric(all, c, &m));
   for (PetscInt q = 0; q < all->element.nq; q++) *sum += *v * m.weight[q];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -158,13 +156,11 @@ PetscErrorCode ScalarsIntegrate(Scalars all, PetscInt c, PetscInt n, const Petsc
 PetscErrorCode ScalarsIntegrateBasis(Scalars all, PetscInt c, PetscReal sum[])
 {
   const PetscInt nb = all->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3];
   ElementMetric  m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(sum, nb));
-  PetscCall(ScalarCellCoordinates(all, c, xc));
-  PetscCall(ScalarCellMetric(all, xc, &m));
+  PetscCall(ScalarCellMetric(all, c, &m));
   for (PetscInt q = 0; q < all->element.nq; q++)
     for (PetscInt j = 0; j < nb; j++) sum[j] += m.weight[q] * all->element.phi[q * all->element.nbp + j];
   PetscFunctionReturn(PETSC_SUCCESS);

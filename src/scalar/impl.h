@@ -58,10 +58,10 @@ typedef struct {
 /* Stabilisation (limit.c) of the last solve: parts of cells that are of low order [ncell_all], NULL: none is; of fluxes
    that raise and lower a node the part that is left [nnode_all][2]; values that these go by [nnode_all]. Of the step:
    by how much cells are beyond the bound, 0 to 1 [ncell_all], NULL: not known; whether one is, on any rank; cells that
-   share a node with one [nnear] */
+   share a node with one [nnear]; lowest and highest value of nodes there [nnode_all] */
 typedef struct {
   PetscBool  wanted, any;
-  PetscReal *part, *node, *x, *peclet;
+  PetscReal *part, *node, *x, *peclet, (*bound)[2];
   PetscInt   nnear, *near;
 } ScalarLimits;
 
@@ -116,6 +116,8 @@ struct _p_Scalars {
   Scalar          *scalar;
   ScalarStep       step;
   const PetscReal *shift; /* of nodes, or NULL */
+  PetscReal       *edge;  /* [ncell_all][3] of cells that are boxes, else 0; found when the mesh had moved .. */
+  PetscInt         moves; /* .. so often, -1: not yet */
   /* of the mesh, made when first wanted: */
   PetscBool       ready;
   PetscInt        nface;
@@ -147,8 +149,8 @@ typedef struct {
     linear[ELEMENT_MAX_NB];
 } ScalarCell;
 PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
-/* Before it is stabilised, without its faces and history: A, M, and f of sources; xc as ScalarCellCoordinates has it */
-PetscErrorCode ScalarCellMatrices(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarCell *);
+/* Before it is stabilised, without its faces and history: A, M, and f of sources */
+PetscErrorCode ScalarCellMatrices(Scalars, const Scalar *, PetscInt c, ScalarCell *);
 /* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */
 PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
                             PetscReal g[3][MESH_MAX_NB]);
@@ -156,12 +158,13 @@ PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[
 PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
 /* Node coordinates xc [nb][dim], with the shift */
 PetscErrorCode ScalarCellCoordinates(Scalars, PetscInt c, PetscReal xc[]);
-/* Is it a box, of these edges? */
-PetscBool ScalarIsBox(Scalars, const PetscReal xc[], PetscReal edge[3]);
-/* From its node coordinates xc [nb][dim] */
-PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
+/* Edges [dim] of a box; NULL: it is none. Found once where nodes are. */
+PetscErrorCode ScalarCellBox(Scalars, PetscInt c, const PetscReal *edge[]);
+PetscErrorCode ScalarCellMetric(Scalars, PetscInt c, ElementMetric *);
+/* G.x at its lattice points, 0 without a mean gradient */
+PetscErrorCode ScalarCellLinear(Scalars, const Scalar *, PetscInt c, PetscReal linear[]);
 /* r [nb] = scale int phi_i v over a cell, v [nb] at its lattice points */
-PetscErrorCode ScalarCellIntegrate(Scalars, const PetscReal xc[], PetscReal scale, const PetscReal v[], PetscReal r[]);
+PetscErrorCode ScalarCellIntegrate(Scalars, PetscInt c, PetscReal scale, const PetscReal v[], PetscReal r[]);
 /* Values of a nodal array at its lattice points, v [nb][bs] */
 static inline void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
 {
@@ -174,16 +177,17 @@ static inline void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs,
 
 /* points.c: points of a cell at which terms are summed: its samples, or those of the element */
 typedef struct {
-  const ScalarSamples *sample;   /* NULL: it has none, */
-  ElementMetric        m;        /* its metric then, */
-  PetscReal            capacity; /* and its capacity; 0: it is no part of the problem */
+  const ScalarSamples *sample;              /* NULL: it has none, */
+  PetscReal            xc[MESH_MAX_NB * 3]; /* its coordinates where it has, */
+  ElementMetric        m;                   /* its metric where not, */
+  PetscReal            capacity;            /* and its capacity; 0: it is no part of the problem */
   PetscInt             n;
 } ScalarPoints;
 typedef struct {
   PetscReal weight, capacity, phi[MESH_MAX_NB], g[3][MESH_MAX_NB];
 } ScalarPoint;
-PetscErrorCode ScalarCellPoints(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarPoints *);
-PetscErrorCode ScalarCellPoint(Scalars, const ScalarPoints *, PetscInt q, const PetscReal xc[], ScalarPoint *);
+PetscErrorCode ScalarCellPoints(Scalars, const Scalar *, PetscInt c, ScalarPoints *);
+PetscErrorCode ScalarCellPoint(Scalars, const ScalarPoints *, PetscInt q, ScalarPoint *);
 /* Its nodal values: at the end of the step and at the two before, G.x, at the point theta of the step (with G.x);
    convection */
 typedef struct {
@@ -191,7 +195,7 @@ typedef struct {
     w[MESH_MAX_NB * 3];
   PetscBool convects;
 } ScalarValues;
-void ScalarCellValues(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarValues *);
+PetscErrorCode ScalarCellValues(Scalars, const Scalar *, PetscInt c, ScalarValues *);
 /* w.grad T_theta there */
 PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *, const ScalarValues *);
 

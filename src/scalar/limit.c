@@ -23,7 +23,7 @@
 #define FLAT   1e-9 /* a range by less of its values is round-off */
 #define BEYOND 1e-3 /* nor do values that are out of bounds by less; */
 #define FAR    1e-2 /* cells with one that is by more are of low order altogether */
-#define ADDED  2    /* bounds are wider by so many times f/(c c_t) of a source f: 1.5 is what it adds in a step of BDF2 */
+#define ADDED  2    /* bounds are wider by so many times f/(c c_t) of a source f, which adds 1.5 in a step of BDF2 */
 #define CLOSER 0.05 /* limits that close in by less do not help */
 
 enum {
@@ -47,17 +47,22 @@ static PetscErrorCode find_largest(Scalars all, PetscMPIInt n, PetscReal v[])
 
 /* Convecting over conducting in cell c with velocities w [nb][dim] at its lattice points: |w|^2/(|J^-1 w| D), which is
    |w| h/(2 D) with h its length along w; 0 where the fastest |w| |J|/D, which is no less, is below the bound */
-static PetscReal find_peclet(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const PetscReal w[])
+static PetscErrorCode find_peclet(Scalars all, const Scalar *s, PetscInt c, const PetscReal w[], PetscReal *peclet)
 {
   const PetscInt  dim = all->loc->dim, nb = all->loc->nb, middle = nb / 2;
   const PetscReal capacity     = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
                   conductivity = s->cells.conductivity ? s->cells.conductivity[c] : s->par.conductivity,
                   ratio        = capacity / PetscMax(conductivity, PETSC_MIN_REAL);
-  PetscReal speed[MESH_MAX_NB], J[9], inverse[9], size = 0, fastest = 0, largest = 0;
+  const PetscReal *edge;
+  PetscReal        xc[MESH_MAX_NB * 3], speed[MESH_MAX_NB], J[9], inverse[9], size = 0, fastest = 0, largest = 0;
 
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellBox(all, c, &edge));
+  if (!edge) PetscCall(ScalarCellCoordinates(all, c, xc));
   for (PetscInt a = 0; a < dim; a++)
     for (PetscInt e = 0; e < dim; e++) {
-      J[a * dim + e] = 0.5 * (xc[(middle + STEP[e]) * dim + a] - xc[(middle - STEP[e]) * dim + a]);
+      if (edge) J[a * dim + e] = a == e ? 0.5 * edge[a] : 0;
+      else J[a * dim + e] = 0.5 * (xc[(middle + STEP[e]) * dim + a] - xc[(middle - STEP[e]) * dim + a]);
       size += PetscSqr(J[a * dim + e]);
     }
   for (PetscInt j = 0; j < nb; j++) {
@@ -65,7 +70,8 @@ static PetscReal find_peclet(Scalars all, const Scalar *s, PetscInt c, const Pet
     for (PetscInt e = 0; e < dim; e++) speed[j] += PetscSqr(w[j * dim + e]);
     fastest = PetscMax(fastest, speed[j]);
   }
-  if (ratio * PetscSqrtReal(fastest * size) < PECLET) return 0;
+  *peclet = 0;
+  if (ratio * PetscSqrtReal(fastest * size) < PECLET) PetscFunctionReturn(PETSC_SUCCESS);
   (void)DenseInvertMap(dim, J, inverse);
   for (PetscInt j = 0; j < nb; j++) {
     PetscReal along = 0;
@@ -78,7 +84,8 @@ static PetscReal find_peclet(Scalars all, const Scalar *s, PetscInt c, const Pet
     }
     if (along > 0) largest = PetscMax(largest, speed[j] / PetscSqrtReal(along));
   }
-  return largest * ratio;
+  *peclet = largest * ratio;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Derivatives of v [nb] along the axes of the cell at its lattice points: dv [dim][nb] */
@@ -96,17 +103,20 @@ static void differentiate(PetscInt dim, PetscInt nb, PetscInt stride, const Pets
       }
 }
 
-/* Gradients g [nb][3] of x in a cell at its lattice points */
-static void find_gradients(Scalars all, const Scalar *s, const PetscReal xc[], const PetscReal x[], PetscReal g[][3])
+/* Gradients g [nb][3] of x in cell c at its lattice points */
+static PetscErrorCode find_gradients(Scalars all, const Scalar *s, PetscInt c, const PetscReal x[], PetscReal g[][3])
 {
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
-  PetscReal      dT[3 * MESH_MAX_NB], dx[3][3 * MESH_MAX_NB], edge[3];
-  PetscBool      box = ScalarIsBox(all, xc, edge);
+  const PetscInt   dim = all->loc->dim, nb = all->loc->nb;
+  const PetscReal *edge;
+  PetscReal        xc[MESH_MAX_NB * 3], dT[3 * MESH_MAX_NB], dx[3][3 * MESH_MAX_NB];
 
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellBox(all, c, &edge));
   differentiate(dim, nb, 1, x, dT);
   for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt j = 0; j < nb && box; j++) g[j][a] = s->par.gradient[a] + 2 / edge[a] * dT[a * nb + j];
-  if (box) return;
+    for (PetscInt j = 0; j < nb && edge; j++) g[j][a] = s->par.gradient[a] + 2 / edge[a] * dT[a * nb + j];
+  if (edge) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarCellCoordinates(all, c, xc));
   for (PetscInt a = 0; a < dim; a++) differentiate(dim, nb, dim, xc + a, dx[a]);
   for (PetscInt j = 0; j < nb; j++) {
     PetscReal J[9], inverse[9];
@@ -119,6 +129,7 @@ static void find_gradients(Scalars all, const Scalar *s, const PetscReal xc[], c
       for (PetscInt e = 0; e < dim; e++) g[j][a] += inverse[e * dim + a] * dT[e * nb + j];
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Is it of the fluid as a whole? */
@@ -138,13 +149,12 @@ static PetscErrorCode sum_gradients(Scalars all, const Scalar *s, PetscReal sum[
   PetscCall(PetscArrayzero(sum, l->nnode_all * NUMBERS));
   for (PetscInt k = 0; k < s->limit.nnear; k++) {
     const PetscInt c = s->limit.near[k];
-    PetscReal      xc[MESH_MAX_NB * 3], x[MESH_MAX_NB], g[MESH_MAX_NB][3];
+    PetscReal      x[MESH_MAX_NB], g[MESH_MAX_NB][3];
 
     for (PetscInt j = 0; j < l->nb && !is_plain(s, c); j++) sum[l->cell_node[c * l->nb + j] * NUMBERS + OTHERS]++;
     if (!is_plain(s, c)) continue;
-    PetscCall(ScalarCellCoordinates(all, c, xc));
     ScalarCellGather(l, c, 1, s->x, x);
-    find_gradients(all, s, xc, x, g);
+    PetscCall(find_gradients(all, s, c, x, g));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt node = ScalarLimitNode(l, c, j);
 
@@ -179,9 +189,9 @@ static PetscReal find_part(const MeshLocal *l, PetscInt c, const PetscReal sum[]
   return jump < SMALL ? 0 : PetscMin(1, jump);
 }
 
-/* At a node: sum of fluxes that raise it, and that lower it; what scales its room for them; bounds */
+/* At a node: sum of fluxes that raise it, and that lower it; what scales its room for them */
 typedef struct {
-  PetscReal rise, fall, weight, top, bottom;
+  PetscReal rise, fall, weight;
   PetscBool low; /* nothing is taken back there */
 } NodeLimits;
 
@@ -201,10 +211,10 @@ static void widen(const ScalarStep *p, PetscReal c, PetscReal r, PetscReal f, Pe
 static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscReal x[], PetscReal *bottom,
                         PetscReal *top)
 {
-  const PetscInt       nb = all->loc->nb, sample = s->cells.sample ? s->cells.sample[c] : -1;
-  const PetscReal      capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
-                       uniform  = s->cells.source ? s->cells.source[c] : 0, low = *bottom, high = *top;
-  const ScalarSamples *p        = sample >= 0 ? s->cells.samples + sample : NULL;
+  const PetscInt  nb = all->loc->nb, sample = s->cells.sample ? s->cells.sample[c] : -1;
+  const PetscReal capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
+                  uniform = s->cells.source ? s->cells.source[c] : 0, low = *bottom, high = *top;
+  const ScalarSamples *p              = sample >= 0 ? s->cells.samples + sample : NULL;
   PetscReal            q[MESH_MAX_NB] = {0};
 
   for (PetscInt k = 0; p && k < PetscPowInt(p->n, all->loc->dim); k++) {
@@ -216,12 +226,12 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
   }
   if (p || (!s->q && s->decay == 0 && uniform == 0)) return;
   if (s->q) ScalarCellGather(all->loc, c, 1, s->q, q);
-  for (PetscInt j = 0; j < nb; j++)
-    widen(&all->step, capacity, s->decay * capacity, q[j] + uniform, x[j], bottom, top);
+  for (PetscInt j = 0; j < nb; j++) widen(&all->step, capacity, s->decay * capacity, q[j] + uniform, x[j], bottom, top);
 }
 
 /* Of the values of a cell: those that the step began with, or is given; without time those of now */
-static void add_bounds(Scalars all, const Scalar *s, PetscInt c, const PetscInt node[], PetscReal x[], NodeLimits at[])
+static void add_bounds(Scalars all, const Scalar *s, PetscInt c, const PetscInt node[], PetscReal x[],
+                       PetscReal bound[][2])
 {
   PetscReal top = -PETSC_MAX_REAL, bottom = PETSC_MAX_REAL;
 
@@ -233,8 +243,8 @@ static void add_bounds(Scalars all, const Scalar *s, PetscInt c, const PetscInt 
   if (all->step.ct > 0) add_sources(all, s, c, x, &bottom, &top);
   for (PetscInt j = 0; j < all->loc->nb; j++) {
     if (node[j] < 0) continue;
-    at[node[j]].top    = PetscMax(top, at[node[j]].top);
-    at[node[j]].bottom = PetscMin(bottom, at[node[j]].bottom);
+    bound[node[j]][0] = PetscMin(bottom, bound[node[j]][0]);
+    bound[node[j]][1] = PetscMax(top, bound[node[j]][1]);
   }
 }
 
@@ -243,12 +253,10 @@ static PetscErrorCode add_fluxes(Scalars all, const Scalar *s, PetscInt c, const
                                  const PetscReal r[], NodeLimits at[])
 {
   const PetscInt nb = all->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3];
   ScalarCell     cell;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
-  PetscCall(ScalarCellMatrices(all, s, c, xc, &cell));
+  PetscCall(ScalarCellMatrices(all, s, c, &cell));
   ScalarLimitAddMass(all, -1, cell.A, cell.M);
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb && node[i] >= 0; j++) {
@@ -266,7 +274,7 @@ static PetscErrorCode add_fluxes(Scalars all, const Scalar *s, PetscInt c, const
 static void set_limits(Scalars all, const Scalar *s, const NodeLimits at[], PetscReal a[])
 {
   for (PetscInt i = 0; i < all->loc->nnode; i++) {
-    const PetscReal up = at[i].top - s->x[i], down = s->x[i] - at[i].bottom, weight = at[i].weight;
+    const PetscReal up = s->limit.bound[i][1] - s->x[i], down = s->x[i] - s->limit.bound[i][0], weight = at[i].weight;
 
     a[2 * i] = a[2 * i + 1] = at[i].low ? 0 : 1;
     if (s->owner[i] >= 0) continue;
@@ -284,13 +292,16 @@ static PetscReal find_farthest(const MeshLocal *l, PetscInt c, const PetscReal o
   return far;
 }
 
-/* Bounds of nodes of cells beyond the bound, how far these are out of them, out [nnode_all], and the farthest here */
-static PetscErrorCode find_bounds(Scalars all, const Scalar *s, NodeLimits at[], PetscReal out[], PetscReal *farthest)
+/* Bounds of nodes of cells beyond the bound; in a step they stay */
+static PetscErrorCode find_bounds(Scalars all, Scalar *s)
 {
   const MeshLocal *l = all->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) at[i].top = at[i].bottom = all->step.ct > 0 ? s->T[i] : s->x[i];
+  if (s->limit.bound && all->step.ct > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->limit.bound) PetscCall(PetscMalloc1(l->nnode_all, &s->limit.bound));
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    s->limit.bound[i][0] = s->limit.bound[i][1] = all->step.ct > 0 ? s->T[i] : s->x[i];
   for (PetscInt k = 0; k < s->limit.nnear; k++) {
     const PetscInt c = s->limit.near[k];
     PetscInt       node[MESH_MAX_NB];
@@ -299,10 +310,20 @@ static PetscErrorCode find_bounds(Scalars all, const Scalar *s, NodeLimits at[],
     if (!ScalarCellIsActive(s, c)) continue;
     ScalarCellGather(l, c, 1, s->x, x);
     for (PetscInt j = 0; j < l->nb; j++) node[j] = ScalarLimitNode(l, c, j);
-    add_bounds(all, s, c, node, x, at);
+    add_bounds(all, s, c, node, x, s->limit.bound);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* How far nodes are out of their bounds, out [nnode_all], and the farthest here */
+static PetscErrorCode find_beyond(Scalars all, const Scalar *s, PetscReal out[], PetscReal *farthest)
+{
+  const MeshLocal *l = all->loc;
+
+  PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode; i++)
-    out[i] = s->owner[i] < 0 ? PetscMax(0, PetscMax(s->x[i] - at[i].top, at[i].bottom - s->x[i])) : 0;
+    out[i] = s->owner[i] < 0 ? PetscMax(0, PetscMax(s->x[i] - s->limit.bound[i][1], s->limit.bound[i][0] - s->x[i]))
+                             : 0;
   PetscCall(MeshSyncNodes(all->mesh, 1, out));
   *farthest = 0;
   for (PetscInt k = 0; k < s->limit.nnear; k++)
@@ -358,6 +379,7 @@ PetscErrorCode ScalarLimitForget(Scalar *s)
   PetscFunctionBeginUser;
   PetscCall(free_limits(&s->limit));
   PetscCall(PetscFree2(s->limit.peclet, s->limit.near));
+  PetscCall(PetscFree(s->limit.bound));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -372,12 +394,12 @@ static PetscErrorCode find_cells(Scalars all, const Scalar *s, ScalarLimits *lim
   PetscCall(PetscCalloc2(l->ncell_all, &limit->peclet, l->ncell_all, &limit->near));
   PetscCall(PetscCalloc1(l->nnode_all, &wanted));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal xc[MESH_MAX_NB * 3], w[MESH_MAX_NB * 3];
+    PetscReal w[MESH_MAX_NB * 3], peclet = 0;
 
     if (!is_plain(s, c)) continue;
-    PetscCall(ScalarCellCoordinates(all, c, xc));
     ScalarCellGather(l, c, l->dim, s->w, w);
-    limit->peclet[c] = PetscMin(1, PetscMax(0, find_peclet(all, s, c, xc, w) / PECLET - 1));
+    PetscCall(find_peclet(all, s, c, w, &peclet));
+    limit->peclet[c] = PetscMin(1, PetscMax(0, peclet / PECLET - 1));
     largest          = PetscMax(largest, limit->peclet[c]);
     for (PetscInt j = 0; j < l->nb && limit->peclet[c] > 0; j++) wanted[l->cell_node[c * l->nb + j]] = PETSC_TRUE;
   }
@@ -441,32 +463,35 @@ static PetscErrorCode find_change(Scalars all, const Scalar *s, const PetscReal 
 }
 
 /* Do limits next to the last ones close in on a value that is out of its bounds? */
-static PetscBool close_in(const MeshLocal *l, const PetscReal x[], const NodeLimits at[], const ScalarLimits *last,
-                          const ScalarLimits *next, PetscReal least)
+static PetscBool close_in(const MeshLocal *l, const PetscReal x[], const ScalarLimits *last, const ScalarLimits *next,
+                          PetscReal tolerance)
 {
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscReal part = last->part ? last->part[c] : 0;
 
     if (next->part[c] == 0) continue;
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt i = l->cell_node[c * l->nb + j], side = 2 * i + (x[i] < at[i].bottom);
+      const PetscInt   i = l->cell_node[c * l->nb + j], side = 2 * i + (x[i] < next->bound[i][0]);
+      const PetscReal *bound = next->bound[i], limit = last->node ? last->node[side] : 1;
 
-      if (i >= l->nnode || (x[i] <= at[i].top + least && x[i] >= at[i].bottom - least)) continue;
-      if (next->part[c] > part + CLOSER || next->node[side] < (last->node ? last->node[side] : 1) - CLOSER) return PETSC_TRUE;
+      if (i >= l->nnode || (x[i] <= bound[1] + tolerance && x[i] >= bound[0] - tolerance)) continue;
+      if (next->part[c] > part + CLOSER || next->node[side] < limit - CLOSER) return PETSC_TRUE;
     }
   }
   return PETSC_FALSE;
 }
 
-/* Limits next to those that there are, with bounds `at` that values are `out` of */
+/* Limits next to those that there are, with bounds that values are `out` of */
 static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal range, const PetscReal out[],
-                            NodeLimits at[], PetscBool *more)
+                            PetscBool *more)
 {
   const MeshLocal *l    = all->loc;
   ScalarLimits     last = s->limit, next = s->limit;
   PetscReal        beyond;
+  NodeLimits      *at;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->nnode_all, &at));
   PetscCall(PetscCalloc3(l->ncell_all, &next.part, 2 * l->nnode_all, &next.node, l->nnode_all, &next.x));
   PetscCall(find_weights(all, s, s->limit.peclet, NOISE * range / l->h, next.part));
   for (PetscInt c = 0; c < l->ncell_all && last.part; c++) next.part[c] = PetscMax(next.part[c], last.part[c]);
@@ -476,12 +501,13 @@ static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal r
   PetscCall(PetscArraycpy(next.x, s->x, l->nnode_all));
   if (all->step.ct == 0) PetscCall(find_change(all, s, next.part, &beyond));
   else if (again) {
-    if (!close_in(l, s->x, at, &last, &next, BEYOND * range)) beyond = 0;
+    if (!close_in(l, s->x, &last, &next, BEYOND * range)) beyond = 0;
     PetscCall(find_largest(all, 1, &beyond));
   }
   *more = (PetscBool)(beyond > BEYOND * range);
   PetscCall(free_limits(again && !*more ? &next : &last));
   if (!again || *more) s->limit = next;
+  PetscCall(PetscFree(at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -489,7 +515,6 @@ PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *m
 {
   const MeshLocal *l = all->loc;
   PetscReal       *out, range = 0, farthest;
-  NodeLimits      *at;
 
   PetscFunctionBeginUser;
   *more = PETSC_FALSE;
@@ -500,10 +525,11 @@ PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *m
   if (!s->limit.any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_range(all, s, &range));
   if (range == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(l->nnode_all, &at, l->nnode_all, &out));
-  PetscCall(find_bounds(all, s, at, out, &farthest));
+  PetscCall(PetscMalloc1(l->nnode_all, &out));
+  PetscCall(find_bounds(all, s));
+  PetscCall(find_beyond(all, s, out, &farthest));
   if (again) PetscCall(find_largest(all, 1, &farthest));
-  if (!again || all->step.ct == 0 || farthest > BEYOND * range) PetscCall(renew(all, s, again, range, out, at, more));
-  PetscCall(PetscFree2(at, out));
+  if (!again || all->step.ct == 0 || farthest > BEYOND * range) PetscCall(renew(all, s, again, range, out, more));
+  PetscCall(PetscFree(out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

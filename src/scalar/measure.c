@@ -9,18 +9,20 @@ typedef struct {
   PetscReal    rate[MESH_MAX_NB], q[MESH_MAX_NB];
 } Values;
 
-static void set_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v)
+static PetscErrorCode set_values(Scalars all, const Scalar *s, PetscInt c, Values *v)
 {
   const MeshLocal  *l = all->loc;
   const ScalarStep *p = &all->step;
 
-  ScalarCellValues(all, s, c, xc, &v->at);
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellValues(all, s, c, &v->at));
   for (PetscInt j = 0; j < l->nb; j++) {
     v->rate[j] = p->ct * v->at.x[j] - p->d0 * v->at.now[j] - p->d1 * v->at.old[j];
     v->at.x[j] += v->at.linear[j];
     v->q[j] = 0;
   }
   if (s->q) ScalarCellGather(l, c, 1, s->q, v->q);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* With a uniform source and a reaction */
@@ -53,11 +55,14 @@ static void add_content(PetscInt nb, const ScalarPoint *p, PetscReal capacity, c
 }
 
 /* Sub-cells of a cell of which a part counts */
-static void add_outside(Scalars all, const Scalar *s, const PetscReal outside[], const PetscReal xc[],
-                        const PetscReal nodal[], ScalarBalance *b)
+static PetscErrorCode add_outside(Scalars all, const Scalar *s, PetscInt c, const PetscReal outside[],
+                                  const PetscReal nodal[], ScalarBalance *b)
 {
   const PetscInt n = s->cells.noutside;
+  PetscReal      xc[MESH_MAX_NB * 3];
 
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellCoordinates(all, c, xc));
   for (PetscInt q = 0; q < PetscPowInt(n, all->loc->dim); q++) {
     ScalarPoint p;
 
@@ -65,21 +70,22 @@ static void add_outside(Scalars all, const Scalar *s, const PetscReal outside[],
     p.weight = ScalarSampleBasis(all, n, q, xc, p.phi, p.g);
     add_content(all->loc->nb, &p, outside[q] * s->par.capacity, nodal, b);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a cell, with a uniform source; counts: does all of it count? */
-static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], PetscReal uniform,
-                               PetscBool counts, Values *v, ScalarBalance *b)
+static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, PetscReal uniform, PetscBool counts, Values *v,
+                               ScalarBalance *b)
 {
   ScalarPoints points;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
+  PetscCall(ScalarCellPoints(all, s, c, &points));
   if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < points.n; q++) {
     ScalarPoint p;
 
-    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
+    PetscCall(ScalarCellPoint(all, &points, q, &p));
     add_point(all->loc->dim, all->loc->nb, &p, points.sample ? points.sample->source[q] : uniform,
               !points.sample            ? s->decay * p.capacity
               : points.sample->lump < 0 ? points.sample->reaction[q]
@@ -109,17 +115,16 @@ static void add_sums(Scalars all, const Scalar *s, PetscInt c, PetscReal uniform
 }
 
 /* What is in a cell and changes there */
-static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v,
-                                 ScalarBalance *b)
+static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, Values *v, ScalarBalance *b)
 {
   const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
   const PetscInt  counts  = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
   const PetscBool whole   = (PetscBool)(counts == SCALAR_COUNTS_ALL);
 
   PetscFunctionBeginUser;
-  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
+  if (counts >= 0) PetscCall(add_outside(all, s, c, s->cells.outside + counts, v->at.x, b));
   if (s->has_sums[c]) add_sums(all, s, c, uniform, whole, v, b);
-  else PetscCall(add_cell(all, s, c, xc, uniform, whole, v, b));
+  else PetscCall(add_cell(all, s, c, uniform, whole, v, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -277,16 +282,14 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
   *b = (ScalarBalance){0};
   PetscCall(PetscCalloc1(all->nboundary + 1, &sum));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal xc[MESH_MAX_NB * 3];
-    Values    v;
+    Values v;
 
     if (!ScalarCellIsActive(s, c)) continue;
-    PetscCall(ScalarCellCoordinates(all, c, xc));
-    set_values(all, s, c, xc, &v);
+    PetscCall(set_values(all, s, c, &v));
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
     if (s->cell_side) PetscCall(add_sides(all, s, c, &v, &b->source));
     PetscCall(add_fixed(all, s, c, sum));
-    PetscCall(add_inside(all, s, c, xc, &v, b));
+    PetscCall(add_inside(all, s, c, &v, b));
   }
   ScalarLumpsMeasure(all, s, b);
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 
-PetscErrorCode ScalarCellPoints(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarPoints *p)
+PetscErrorCode ScalarCellPoints(Scalars all, const Scalar *s, PetscInt c, ScalarPoints *p)
 {
   const PetscInt sample = s->cells.sample ? s->cells.sample[c] : -1;
 
@@ -10,11 +10,12 @@ PetscErrorCode ScalarCellPoints(Scalars all, const Scalar *s, PetscInt c, const 
   p->sample   = sample >= 0 ? s->cells.samples + sample : NULL;
   p->n        = p->sample ? PetscPowInt(p->sample->n, all->loc->dim) : all->element.nq;
   p->capacity = !ScalarCellIsActive(s, c) ? 0 : s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
-  if (!p->sample) PetscCall(ScalarCellMetric(all, xc, &p->m));
+  if (p->sample) PetscCall(ScalarCellCoordinates(all, c, p->xc));
+  else PetscCall(ScalarCellMetric(all, c, &p->m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarCellPoint(Scalars all, const ScalarPoints *p, PetscInt q, const PetscReal xc[], ScalarPoint *at)
+PetscErrorCode ScalarCellPoint(Scalars all, const ScalarPoints *p, PetscInt q, ScalarPoint *at)
 {
   const PetscInt nb = all->loc->nb;
   PetscReal      g[3][ELEMENT_MAX_NBP];
@@ -22,7 +23,7 @@ PetscErrorCode ScalarCellPoint(Scalars all, const ScalarPoints *p, PetscInt q, c
   PetscFunctionBeginUser;
   at->capacity = p->sample ? p->sample->capacity[q] : p->capacity;
   if (p->sample) {
-    at->weight = ScalarSampleBasis(all, p->sample->n, q, xc, at->phi, at->g);
+    at->weight = ScalarSampleBasis(all, p->sample->n, q, p->xc, at->phi, at->g);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   at->weight = p->m.weight[q];
@@ -32,21 +33,20 @@ PetscErrorCode ScalarCellPoint(Scalars all, const ScalarPoints *p, PetscInt q, c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ScalarCellValues(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarValues *v)
+PetscErrorCode ScalarCellValues(Scalars all, const Scalar *s, PetscInt c, ScalarValues *v)
 {
   const MeshLocal  *l = all->loc;
   const ScalarStep *p = &all->step;
 
+  PetscFunctionBeginUser;
   ScalarCellGather(l, c, 1, s->x, v->x);
   ScalarCellGather(l, c, 1, s->T, v->now);
   ScalarCellGather(l, c, 1, s->T_old, v->old);
-  for (PetscInt j = 0; j < l->nb; j++) {
-    v->linear[j] = 0;
-    for (PetscInt a = 0; a < l->dim; a++) v->linear[j] += s->par.gradient[a] * xc[j * l->dim + a];
-    v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * v->now[j] + v->linear[j];
-  }
+  PetscCall(ScalarCellLinear(all, s, c, v->linear));
+  for (PetscInt j = 0; j < l->nb; j++) v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * v->now[j] + v->linear[j];
   v->convects = (PetscBool)(s->w != NULL);
   if (s->w) ScalarCellGather(l, c, l->dim, s->w, v->w);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *p, const ScalarValues *v)

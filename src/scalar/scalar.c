@@ -81,6 +81,8 @@ PetscErrorCode ScalarsDiscard(Scalars all)
     s->cells = (ScalarCells){0};
     s->nodes = (ScalarNodes){0};
   }
+  PetscCall(PetscFree(all->edge));
+  all->moves = -1;
   if (!all->ready) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree2(all->face, all->next_face));
   PetscCall(PetscFree(all->cell_face));
@@ -142,7 +144,8 @@ PetscErrorCode ScalarsCreate(Mesh mesh, Scalars *scalars)
   PetscFunctionBeginUser;
   *scalars = NULL;
   PetscCall(PetscNew(&all));
-  all->mesh = mesh;
+  all->mesh  = mesh;
+  all->moves = -1;
   PetscCall(MeshGetLocal(mesh, &all->loc));
   PetscCall(MeshGetComm(mesh, &all->comm));
   PetscCall(MeshGetBoundaryCount(mesh, &all->nboundary));
@@ -199,6 +202,7 @@ PetscErrorCode ScalarsSetShift(Scalars all, const PetscReal shift[])
 {
   PetscFunctionBeginUser;
   all->shift = shift;
+  all->moves = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -270,17 +274,15 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, co
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscReal scale = -density * s->par.expansion * (fluid ? fluid[c] : 1);
     const PetscInt *node  = l->cell_node + c * nb;
-    PetscReal       xc[MESH_MAX_NB * 3], now[MESH_MAX_NB], old[MESH_MAX_NB], r[MESH_MAX_NB];
+    PetscReal       linear[MESH_MAX_NB], now[MESH_MAX_NB], old[MESH_MAX_NB], r[MESH_MAX_NB];
 
     if (scale == 0) continue;
-    PetscCall(ScalarCellCoordinates(all, c, xc));
+    PetscCall(ScalarCellLinear(all, s, c, linear));
     ScalarCellGather(l, c, 1, s->T, now);
     ScalarCellGather(l, c, 1, s->T_old, old);
-    for (PetscInt j = 0; j < nb; j++) {
-      now[j] += all->step.extrapolation * (now[j] - old[j]) - s->par.reference;
-      for (PetscInt a = 0; a < dim; a++) now[j] += s->par.gradient[a] * xc[j * dim + a];
-    }
-    PetscCall(ScalarCellIntegrate(all, xc, scale, now, r));
+    for (PetscInt j = 0; j < nb; j++)
+      now[j] += all->step.extrapolation * (now[j] - old[j]) - s->par.reference + linear[j];
+    PetscCall(ScalarCellIntegrate(all, c, scale, now, r));
     MeshCellScatter(l, c, 1, r);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) force[node[j] * dim + a] += r[j] * gravity[a];
