@@ -56,9 +56,9 @@ PetscErrorCode ExprEvaluateFields(Expr, PetscReal time, PetscInt m, const PetscR
                                   PetscReal value[]);
 /* At one position of this rank alone. Not collective. Error: not finite, raised by this rank. */
 PetscErrorCode ExprEvaluateAlone(Expr, PetscReal time, const PetscReal x[], PetscReal value[]);
-/* Of all variables, in the order of ExprVariable, on this rank alone. Not collective. Error: not finite, raised by this
-   rank. */
-PetscErrorCode ExprEvaluateAt(Expr, const PetscReal variable[], PetscReal value[]);
+/* Of all variables, in the order of ExprVariable, and fields [names] (NULL: it uses none), on this rank alone. Not
+   collective. Error: not finite, raised by this rank. */
+PetscErrorCode ExprEvaluateAt(Expr, const PetscReal variable[], const PetscReal field[], PetscReal value[]);
 /* The same as ExprEvaluate, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed
    until the next. Collective. */
 PetscErrorCode ExprKeep(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *value[]);

@@ -42,7 +42,7 @@ PetscErrorCode Hdf5Read(Hdf5, const char name[], Hdf5Type, Hdf5Rows rows, PetscI
    Collective; n may be 0 on some ranks. */
 PetscErrorCode Hdf5WriteReals(Hdf5, const char name[], PetscInt n, PetscInt bs, const PetscReal v[]);
 PetscErrorCode Hdf5WriteInts(Hdf5, const char name[], PetscInt n, PetscInt bs, const PetscInt v[]);
-/* Rows and columns of a dataset of two dimensions, -1: there is none. Collective. */
+/* Rows and columns of a dataset, 0 columns where it has one dimension; -1: there is none of one or two. Collective. */
 PetscErrorCode Hdf5GetSize(Hdf5, const char name[], PetscInt *rows, PetscInt *bs);
 
 /* Attribute of a dataset, or of the file ("/"): one value, or a text of n bytes with its zero (HDF5_BYTE), the same

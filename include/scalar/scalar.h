@@ -14,14 +14,16 @@
    What cells are made of can differ by cell (ScalarCells) and within cells that surfaces cut (ScalarSamples: sums over
    n x n (x n) sub-cells in place of the quadrature).
 
-   Reactions of first order between scalars: c dT/dt gains c sum_k r_k T_k. The own rate below zero is part of r above;
-   others are sources at the point theta: of scalars earlier in the list as solved for (A -> B in this order: what A
-   loses B gains, to round-off for c = 1), of later ones and itself extrapolated (second order with bdf2 and
-   Crank-Nicolson; a step must then resolve the rate).
+   Reactions: of first order, c dT/dt gains c sum_k r_k T_k, the own rate below zero part of r above; of any kind, a
+   source f by scalars; on surfaces, a flux q by scalars. They act at the point theta: f and q linear in the scalar's
+   own value where that uses it up (implicit, source.c), of scalars earlier in the list as solved for (A -> B in this
+   order: what A loses B gains, to round-off for c = 1), of later ones extrapolated (second order with bdf2 and
+   Crank-Nicolson); solved again where that is not what the values found make of them (ScalarsSettle).
 
    Nodal arrays are [nnode_all], synced. Options: -scalars names them, then -scalar_<scalar>_... */
 #pragma once
 #include "mesh/mesh.h"
+#include "base/expr.h"
 #include "base/state.h"
 
 typedef struct _p_Scalars *Scalars;
@@ -85,10 +87,18 @@ typedef struct {
   void *ctx;
 } ScalarLumps;
 
+/* A surface with a flux by place, time and scalars: place in the frame of a body at X that is turned by the matrix R
+   (rows), X there is `origin` */
+typedef struct {
+  Expr      flux;
+  PetscReal X[3], R[9], origin[3];
+} ScalarSurface;
+
 /* A side of a cell, beside those at boundaries, through which q - h T goes into it (sides as of fem/side.h) */
 typedef struct {
-  PetscInt  cell, side;
-  PetscReal q, h;
+  PetscInt             cell, side;
+  PetscReal            q, h;
+  const ScalarSurface *surface; /* says q; NULL: the number */
 } ScalarSide;
 
 /* Of a step; heat a time, positive into the domain; sums of all ranks */
@@ -119,7 +129,14 @@ PetscErrorCode ScalarsPeekDiffusivity(const char scalar[], PetscReal *diffusivit
 PetscErrorCode ScalarsGetFields(Scalars, PetscInt s, PetscReal *T[], PetscReal *T_old[]);
 /* The solution of the step before ScalarsAccept, T' where there is a mean gradient. Borrowed. */
 PetscErrorCode ScalarsGetSolution(Scalars, PetscInt s, PetscReal *T[]);
-/* The fields begin with the option's value at x [nnode_all][dim] in place of the nodes. Local. */
+/* Reads the scalar of that name in the output of a run, the value of an option, at x [nnode_all][dim] of nodes: T,
+   synced. Collective. */
+typedef PetscErrorCode (*ScalarsReader)(Mesh, const char option[], const char run[], const char scalar[],
+                                        const PetscReal x[], PetscReal T[]);
+/* Scalars with -scalar_<scalar>_initial_run begin with what it reads. Collective. */
+PetscErrorCode ScalarsSetReader(Scalars, ScalarsReader);
+/* The fields begin with the option's value, or what is read, at x [nnode_all][dim] in place of the nodes.
+   Collective. */
 PetscErrorCode ScalarsStartAt(Scalars, PetscInt s, const PetscReal x[]);
 /* A step begins; cells and nodes as last told. Collective. */
 PetscErrorCode ScalarsBeginStep(Scalars, const ScalarStep *);
@@ -134,11 +151,17 @@ PetscErrorCode ScalarsSetLumps(Scalars, PetscInt s, const ScalarLumps *);
 /* From now on nodes in no cell of the problem get values after each solve, means of those around: bodies that move will
    free them. Not collective. */
 PetscErrorCode ScalarsExtend(Scalars, PetscInt s);
+/* Fluxes of sides of this scalar go by scalars. Not collective. */
+PetscErrorCode ScalarsReact(Scalars, PetscInt s);
 /* The convecting velocity of the ScalarsSolve that follows, and as a solution what is extrapolated to the step.
    Local. */
 PetscErrorCode ScalarsPredict(Scalars, PetscInt s, const PetscReal w[]);
 /* Solves for scalar s with the convecting velocity w [nnode_all][dim] (NULL: none). *reason < 0: failed. Collective. */
 PetscErrorCode ScalarsSolve(Scalars, PetscInt s, const PetscReal w[], KSPConvergedReason *reason);
+/* After all are solved for: solves again for those whose sources or fluxes go by scalars until these are what the
+   values make of them, to -scalars_rtol, of steady ones to 1e-8. *failed: the scalar whose solver failed, with the
+   reason, -1: none. Collective. Error: no steady state is found. */
+PetscErrorCode ScalarsSettle(Scalars, PetscInt *failed, KSPConvergedReason *reason);
 /* force [nnode_all][dim] += -density expansion (T_theta - reference) gravity, integrated over the part `fluid`
    [ncell_all] of own cells (NULL: 1; cells with samples: their weights by weight [cell's samples]), T extrapolated to
    the point theta of the step. Local. */

@@ -430,12 +430,13 @@ PetscErrorCode ExprEvaluateAlone(Expr e, PetscReal time, const PetscReal x[], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ExprEvaluateAt(Expr e, const PetscReal variable[], PetscReal value[])
+PetscErrorCode ExprEvaluateAt(Expr e, const PetscReal variable[], const PetscReal field[], PetscReal value[])
 {
   Fault fault = {.i = -1};
 
   PetscFunctionBeginUser;
   for (PetscInt v = 0; v < EXPR_VARIABLES; v++) e->variable[v] = variable[v];
+  for (PetscInt k = 0; k < nfield && field; k++) e->variable[EXPR_VARIABLES + k] = field[k];
   for (PetscInt i = 0; i < e->n; i++) evaluate_one(e, i, &value[i], &fault);
   if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);

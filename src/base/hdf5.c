@@ -416,7 +416,7 @@ PetscErrorCode Hdf5GetSize(Hdf5 h, const char name[], PetscInt *rows, PetscInt *
   PetscFunctionBeginUser;
   if (h->rank == 0 && h->file >= 0 && has_name(h, name)) set = H5Dopen2(h->file, name, H5P_DEFAULT);
   if (set >= 0) space = H5Dget_space(set);
-  if (space >= 0 && H5Sget_simple_extent_ndims(space) == 2 && H5Sget_simple_extent_dims(space, extent, NULL) == 2) {
+  if (space >= 0 && H5Sget_simple_extent_ndims(space) <= 2 && H5Sget_simple_extent_dims(space, extent, NULL) > 0) {
     found[0] = (int64_t)extent[0];
     found[1] = (int64_t)extent[1];
   }

@@ -106,8 +106,8 @@ PetscErrorCode BodyGetExternal(Bodies b, PetscInt k, const BodyPose *p, PetscRea
   PetscCall(PetscArraycpy(force, m->force, 3));
   PetscCall(PetscArraycpy(torque, m->torque, 3));
   if (m->force_of || m->torque_of) list_variables(b, m, p, v);
-  if (m->force_of) PetscCall(ExprEvaluateAt(m->force_of, v, force));
-  if (m->torque_of) PetscCall(ExprEvaluateAt(m->torque_of, v, torque + (b->state.dim == 2 ? 2 : 0)));
+  if (m->force_of) PetscCall(ExprEvaluateAt(m->force_of, v, NULL, force));
+  if (m->torque_of) PetscCall(ExprEvaluateAt(m->torque_of, v, NULL, torque + (b->state.dim == 2 ? 2 : 0)));
   for (PetscInt i = 0; i < m->nmooring; i++) add_mooring(b, k, i, p, force, torque);
   if (m->spring == 0 && m->spring_damping == 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++)
@@ -221,7 +221,7 @@ static PetscErrorCode fall_of(Expr e, PetscInt i, ExprVariable v, const PetscRea
   PetscCall(PetscArraycpy(near, at, EXPR_VARIABLES));
   for (PetscInt side = 0; side < 2; side++) {
     near[v] = at[v] + (side ? step : -step);
-    PetscCall(ExprEvaluateAt(e, near, value[side]));
+    PetscCall(ExprEvaluateAt(e, near, NULL, value[side]));
   }
   *fall = PetscMax(0, (value[0][i] - value[1][i]) / (2 * step));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -118,7 +118,7 @@ static PetscErrorCode get_modes(const struct _p_BodySlip *s, PetscReal time, Pet
 
   PetscFunctionBeginUser;
   variable[EXPR_TIME] = time;
-  if (s->mode_of) PetscCall(ExprEvaluateAt(s->mode_of, variable, B));
+  if (s->mode_of) PetscCall(ExprEvaluateAt(s->mode_of, variable, NULL, B));
   else PetscCall(PetscArraycpy(B, s->mode, s->nmodes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -198,7 +198,7 @@ static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscR
     variable[EXPR_X + a] = foot[a];
   }
   variable[EXPR_TIME] = time;
-  if (s->velocity_of) PetscCall(ExprEvaluateAt(s->velocity_of, variable, v));
+  if (s->velocity_of) PetscCall(ExprEvaluateAt(s->velocity_of, variable, NULL, v));
   else PetscCall(PetscArraycpy(v, s->velocity, dim));
   across = square > 0 ? dot3(n, v) / square : 0;
   for (PetscInt a = 0; a < dim; a++) {
@@ -236,7 +236,7 @@ PetscErrorCode BodiesGetSlipMobility(Bodies b, PetscInt k, const PetscReal X[3],
   enter_frame(b, k, X, R, x, y);
   for (PetscInt a = 0; a < b->state.dim; a++) variable[EXPR_X + a] = y[a] + g->mass.centroid[a];
   variable[EXPR_TIME] = time >= PETSC_MAX_REAL ? 0 : time;
-  PetscCall(ExprEvaluateAt(g->slip->mobility_of, variable, mobility));
+  PetscCall(ExprEvaluateAt(g->slip->mobility_of, variable, NULL, mobility));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

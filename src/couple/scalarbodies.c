@@ -39,7 +39,8 @@ struct _p_ScalarBodies {
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
     PetscInt      *lump;                             /* [nnode_all] body with one value, -1 */
-    ScalarSide    *side;                             /* on surfaces that the mesh is lined up with */
+    ScalarSide    *side;                             /* on surfaces that the mesh is lined up with, */
+    ScalarSurface *surface;                          /* [nbodies] with fluxes by expressions */
     PetscInt       nsamples;
     ScalarSamples *samples;
     PetscReal     *pool;
@@ -86,6 +87,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(ScalarMaterialRead(c, group, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
+      if (ScalarMaterialReacts(s->material + g * s->n + i, s->n)) PetscCall(ScalarsReact(scalars, i));
       if (c->method.table->moves_nodes && ScalarMaterialIsSurface(s->material + g * s->n + i)) s->on_sides = PETSC_TRUE;
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
@@ -103,6 +105,7 @@ static PetscErrorCode free_data(struct CellData *d)
   PetscCall(PetscFree3(d->fixed, d->value, d->lump));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->side));
+  PetscCall(PetscFree(d->surface));
   PetscCall(PetscFree(d->pool));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -388,14 +391,18 @@ static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
     PetscInt         kept = 0;
 
     PetscCall(PetscRealloc(PetscMax(1, (size_t)n) * sizeof(*d->side), &d->side));
+    PetscCall(PetscRealloc(PetscMax(1, (size_t)c->s->n) * sizeof(*d->surface), &d->surface));
+    for (PetscInt k = 0; k < c->s->n; k++)
+      ScalarMaterialSurface(c, s->material + c->s->body_group[k] * s->n + i, k, d->surface + k);
     for (PetscInt e = 0; e < n; e++) {
       const ScalarMaterial *m = s->material + c->s->body_group[body[e]] * s->n + i;
 
       if (!ScalarMaterialIsSurface(m)) continue;
       d->side[kept]   = side[e];
-      d->side[kept].q = m->transfer * m->value;
-      if (m->condition == SCALAR_BODY_FLUX) PetscCall(ScalarMaterialFlux(c, m, body[e], side + e, &d->side[kept].q));
-      d->side[kept++].h = m->condition == SCALAR_BODY_FLUX ? 0 : m->transfer;
+      d->side[kept].q = m->condition == SCALAR_BODY_FLUX ? m->flux : m->transfer * m->value;
+      d->side[kept].h = m->condition == SCALAR_BODY_FLUX ? 0 : m->transfer;
+      if (m->flux_of) d->side[kept].surface = d->surface + body[e];
+      kept++;
     }
     PetscCall(ScalarsSetSides(scalars, i, kept, d->side));
   }

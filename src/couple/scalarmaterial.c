@@ -4,7 +4,6 @@
 #include "scalarmaterial.h"
 #include "base/algebra.h"
 #include "base/opt.h"
-#include "fem/side.h"
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
@@ -18,6 +17,13 @@ PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters 
 {
   return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE && m->conductivity == par->conductivity &&
                      m->capacity == par->capacity && m->source == 0);
+}
+
+PetscBool ScalarMaterialReacts(const ScalarMaterial *m, PetscInt n)
+{
+  for (PetscInt k = 0; k < n && m->flux_of; k++)
+    if (ExprUsesField(m->flux_of, k)) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 PetscBool ScalarGroupMoves(const BodyGroup *g)
@@ -167,40 +173,14 @@ PetscErrorCode ScalarMaterialForget(ScalarMaterial *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* At x [dim] of the surface of body k, where the step has it */
-static PetscErrorCode get_flux(Couple c, const ScalarMaterial *m, PetscInt k, const PetscReal x[], PetscReal *flux)
+void ScalarMaterialSurface(Couple c, const ScalarMaterial *m, PetscInt k, ScalarSurface *s)
 {
-  const PetscReal *centroid                 = BodiesGetGroup(c->s, k)->mass.centroid;
-  PetscReal        variable[EXPR_VARIABLES] = {0}, R[9], r[3] = {0, 0, 0};
+  const PetscReal *centroid = BodiesGetGroup(c->s, k)->mass.centroid;
 
-  PetscFunctionBeginUser;
-  *flux = m->flux;
-  if (!m->flux_of) PetscFunctionReturn(PETSC_SUCCESS);
-  RotationMatrix(c->rigid.q[k], R);
-  for (PetscInt a = 0; a < c->loc->dim; a++) r[a] = MeshNearest(c->loc, a, x[a] - c->rigid.X[k][a]);
-  for (PetscInt a = 0; a < c->loc->dim; a++)
-    variable[EXPR_X + a] = centroid[a] + R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2];
-  variable[EXPR_TIME] = c->step->dt == 0 ? 0 : c->step->time;
-  PetscCall(ExprEvaluateAt(m->flux_of, variable, flux));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ScalarMaterialFlux(Couple c, const ScalarMaterial *m, PetscInt k, const ScalarSide *side,
-                                  PetscReal *flux)
-{
-  const MeshLocal *l = c->loc;
-  PetscInt         slot[SIDE_MAX];
-
-  PetscFunctionBeginUser;
-  SideList(l->dim, side->side, slot);
-  *flux = 0;
-  for (PetscInt j = 0; j < l->nb / 3; j++) {
-    const PetscInt  node   = l->cell_node[side->cell * l->nb + slot[j]];
-    const PetscReal weight = (j % 3 == 1 ? 4 : 1) / 6. * (l->dim == 2 ? 1 : (j / 3 == 1 ? 4 : 1) / 6.);
-    PetscReal       at;
-
-    PetscCall(get_flux(c, m, k, l->x + node * l->dim, &at));
-    *flux += weight * at;
+  *s = (ScalarSurface){.flux = m->flux_of};
+  RotationMatrix(c->rigid.q[k], s->R);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    s->X[a]      = c->rigid.X[k][a];
+    s->origin[a] = centroid[a];
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }

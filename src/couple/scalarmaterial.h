@@ -18,14 +18,16 @@ typedef struct {
   PetscReal value, flux, transfer, conductivity, capacity, source, initial;
   PetscReal expansion, reference; /* its weight: scalarweight.h */
   PetscBool starts;               /* with a value of its own */
-  Expr      flux_of;              /* of place and time, NULL: the number */
+  Expr      flux_of;              /* of place, time and scalars, NULL: the number */
 } ScalarMaterial;
 
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
-/* Flux of body k through a side on its surface, where the step has it: its mean, by Simpson's rule an axis. Local. */
-PetscErrorCode ScalarMaterialFlux(Couple, const ScalarMaterial *, PetscInt k, const ScalarSide *, PetscReal *flux);
+/* Of body k with a flux by an expression, where the step has it. Local. */
+void ScalarMaterialSurface(Couple, const ScalarMaterial *, PetscInt k, ScalarSurface *);
+/* Does its flux go by one of n scalars? */
+PetscBool ScalarMaterialReacts(const ScalarMaterial *, PetscInt n);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does it let a flux through its surface, or exchange? */

@@ -127,18 +127,22 @@ static PetscErrorCode set_convection(Couple c, CoupleScalars s)
 
 static PetscErrorCode solve(Couple c, CoupleScalars s)
 {
-  KSPConvergedReason reason;
+  KSPConvergedReason reason = KSP_CONVERGED_RTOL;
+  PetscInt           failed = -1;
 
   PetscFunctionBeginUser;
   PetscCall(set_convection(c, s));
-  for (PetscInt i = 0; i < s->n; i++) {
+  for (PetscInt i = 0; i < s->n && failed < 0; i++) {
     PetscCall(ScalarsPredict(s->scalars, i, s->w));
     PetscCall(ScalarBodiesGiveBack(s->bodies, c, s->scalars, i));
     PetscCall(ScalarsSolve(s->scalars, i, s->w, &reason));
-    PetscCheck(reason > 0, c->comm, PETSC_ERR_NOT_CONVERGED,
-               "Scalar '%s' could not be solved for at t = %g (%s): lower -sim_dt (%g), or raise its conductivity",
-               s->result[i].par->name, (double)c->step->time, KSPConvergedReasons[reason], (double)c->step->dt);
+    if (reason <= 0) failed = i;
   }
+  if (failed < 0) PetscCall(ScalarsSettle(s->scalars, &failed, &reason));
+  PetscCheck(failed < 0, c->comm, PETSC_ERR_NOT_CONVERGED,
+             "Scalar '%s' could not be solved for at t = %g (%s): lower -sim_dt (%g), or raise its conductivity",
+             s->result[PetscMax(0, failed)].par->name, (double)c->step->time, KSPConvergedReasons[reason],
+             (double)c->step->dt);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -394,6 +398,13 @@ PetscErrorCode CoupleGetScalars(Couple c, PetscInt *n, const CoupleScalar *scala
   PetscFunctionBeginUser;
   *n      = c->scalars ? c->scalars->n : 0;
   *scalar = c->scalars ? c->scalars->result : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleStartScalars(Couple c, ScalarsReader read)
+{
+  PetscFunctionBeginUser;
+  if (c->scalars) PetscCall(ScalarsSetReader(c->scalars->scalars, read));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

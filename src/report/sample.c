@@ -14,8 +14,8 @@
 /* A snapshot with its mesh, whole on every rank */
 typedef struct {
   MPI_Comm   comm;
-  PetscInt   dim, nb, npoint, ncell;
-  PetscReal *x, *u; /* [npoint][3] */
+  PetscInt   dim, nb, npoint, ncell, width;
+  PetscReal *x, *v; /* [npoint][3], [npoint][width] */
   PetscInt  *cell;  /* [ncell][nb] in the order of VTK */
   PetscReal  lower[3], upper[3];
   Grid       grid; /* of the cells */
@@ -67,8 +67,8 @@ static void find_files(const char path[], char name[2][PETSC_MAX_PATH_LEN])
 }
 
 /* A dataset [rows][bs] of a file, whole, allocated */
-static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char name[], Hdf5Type type, PetscInt *rows,
-                                 PetscInt *bs, void **v)
+static PetscErrorCode read_whole(MPI_Comm comm, const char option[], const char file[], const char name[],
+                                 Hdf5Type type, PetscInt *rows, PetscInt *bs, void **v)
 {
   Hdf5         h;
   PetscBool    open, good = PETSC_FALSE;
@@ -80,18 +80,19 @@ static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char na
   if (open) {
     PetscCall(Hdf5GetSize(h, name, rows, bs));
     if (*rows > 0) {
-      PetscCall(PetscMalloc((size_t)(*rows * *bs) * size, v));
+      PetscCall(PetscMalloc((size_t)(*rows * PetscMax(1, *bs)) * size, v));
       PetscCall(Hdf5Read(h, name, type, (Hdf5Rows){.n = *rows, .start = 0, .total = *rows}, *bs, *v, &good));
     }
   }
   PetscCall(Hdf5Close(&h, NULL, 0));
   PetscCheck(good, comm, PETSC_ERR_FILE_READ,
-             "-flow_initial_run: '%s' of %s cannot be read: give the output folder of a finished run, or one of its fields_<step>.h5",
-             name, file);
+             "%s: '%s' of %s cannot be read: give the output folder of a finished run that has it, or one of its fields_<step>.h5",
+             option, name, file);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_snapshot(const char path[], PetscInt dim, Snapshot *s)
+static PetscErrorCode read_snapshot(const char option[], const char path[], const char field[], PetscInt dim,
+                                    Snapshot *s)
 {
   char        name[2][PETSC_MAX_PATH_LEN];
   PetscMPIInt rank;
@@ -102,18 +103,19 @@ static PetscErrorCode read_snapshot(const char path[], PetscInt dim, Snapshot *s
   if (rank == 0) find_files(path, name);
   PetscCallMPI(MPI_Bcast(name, sizeof(name), MPI_CHAR, 0, s->comm));
   PetscCheck(name[0][0], s->comm, PETSC_ERR_USER_INPUT,
-             "-flow_initial_run %s: no fields there. Give the output folder of a run with -output_every or -output_interval, or a file fields_<step>.h5",
-             path);
-  PetscCall(read_whole(s->comm, name[1], "coordinates", HDF5_REAL, &s->npoint, &bs, (void **)&s->x));
-  PetscCall(read_whole(s->comm, name[1], "cells", HDF5_INT, &s->ncell, &nb, (void **)&s->cell));
-  PetscCall(read_whole(s->comm, name[0], "velocity", HDF5_REAL, &n, &bs, (void **)&s->u));
-  PetscCheck(n == s->npoint && bs == 3, s->comm, PETSC_ERR_FILE_READ,
-             "-flow_initial_run: %s and %s do not belong together", name[0], name[1]);
+             "%s %s: no fields there. Give the output folder of a run with -output_every or -output_interval, or a file fields_<step>.h5",
+             option, path);
+  PetscCall(read_whole(s->comm, option, name[1], "coordinates", HDF5_REAL, &s->npoint, &bs, (void **)&s->x));
+  PetscCall(read_whole(s->comm, option, name[1], "cells", HDF5_INT, &s->ncell, &nb, (void **)&s->cell));
+  PetscCall(read_whole(s->comm, option, name[0], field, HDF5_REAL, &n, &s->width, (void **)&s->v));
+  s->width = PetscMax(1, s->width);
+  PetscCheck(n == s->npoint, s->comm, PETSC_ERR_FILE_READ, "%s: %s and %s do not belong together", option, name[0],
+             name[1]);
   s->dim = nb == 9 ? 2 : 3;
   s->nb  = nb;
   PetscCheck(s->dim == dim, s->comm, PETSC_ERR_USER_INPUT,
-             "-flow_initial_run %s is a run in %" PetscInt_FMT " dimensions, this scene has %" PetscInt_FMT, path,
-             s->dim, dim);
+             "%s %s is a run in %" PetscInt_FMT " dimensions, this scene has %" PetscInt_FMT, option, path, s->dim,
+             dim);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -164,8 +166,8 @@ static PetscErrorCode sort_cells(Snapshot *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Velocity v [dim] at x [3], by the cell in which x lies deepest; false: in none */
-static PetscBool evaluate(const Snapshot *s, const PetscReal x[3], PetscReal v[])
+/* v [n] at x [3], by the cell in which x lies deepest; false: in none */
+static PetscBool evaluate(const Snapshot *s, const PetscReal x[3], PetscInt n, PetscReal v[])
 {
   const PetscInt *order = PointsVtkOrder(s->dim);
   PetscReal       best = 1 + 1e-6, xi_best[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB];
@@ -185,16 +187,16 @@ static PetscBool evaluate(const Snapshot *s, const PetscReal x[3], PetscReal v[]
   }
   if (cell < 0) return PETSC_FALSE;
   ElementBasis(s->dim, xi_best, phi, dphi);
-  for (PetscInt d = 0; d < s->dim; d++) v[d] = 0;
+  for (PetscInt d = 0; d < n; d++) v[d] = 0;
   for (PetscInt k = 0; k < s->nb; k++)
-    for (PetscInt d = 0; d < s->dim; d++) v[d] += phi[order[k]] * s->u[3 * s->cell[cell * s->nb + k] + d];
+    for (PetscInt d = 0; d < n; d++) v[d] += phi[order[k]] * s->v[s->width * s->cell[cell * s->nb + k] + d];
   return PETSC_TRUE;
 }
 
 /* ---- public ---- */
 
-PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], PetscReal lower[3], PetscReal upper[3],
-                              SampleCount *count)
+PetscErrorCode SampleField(const char option[], const char path[], const char field[], PetscInt width, Mesh mesh,
+                           const PetscReal at[], PetscReal v[], PetscReal box[2][3], SampleCount *count)
 {
   const MeshLocal *l;
   Snapshot         s    = {0};
@@ -203,7 +205,7 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshGetComm(mesh, &s.comm));
-  PetscCall(read_snapshot(path, l->dim, &s));
+  PetscCall(read_snapshot(option, path, field, l->dim, &s));
   PetscCall(sort_cells(&s));
   for (PetscInt i = 0; i < l->nnode; i++) {
     PetscReal x[3] = {0, 0, 0}, beyond = 0;
@@ -211,7 +213,7 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscReal tolerance = 1e-9 * (s.upper[a] - s.lower[a]);
 
-      x[a] = l->x[i * l->dim + a];
+      x[a] = at[i * l->dim + a];
       if (l->period[a] > 0 && x[a] < s.lower[a] - tolerance)
         x[a] += l->period[a] * PetscCeilReal((s.lower[a] - tolerance - x[a]) / l->period[a]);
       if (l->period[a] > 0 && x[a] > s.upper[a] + tolerance)
@@ -219,18 +221,18 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
       beyond = PetscMax(beyond, PetscMax(s.lower[a] - x[a], x[a] - s.upper[a]) - tolerance);
       x[a]   = PetscMax(s.lower[a], PetscMin(s.upper[a], x[a]));
     }
-    if (!evaluate(&s, x, u + i * l->dim)) n[2]++;
+    if (!evaluate(&s, x, width, v + i * width)) n[2]++;
     else if (beyond > 0) n[1]++;
     else n[0]++;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 3, MPIU_INT, MPI_SUM, s.comm));
   *count = (SampleCount){n[0], n[1], n[2]};
-  PetscCall(MeshSyncNodes(mesh, l->dim, u));
-  PetscCall(PetscArraycpy(lower, s.lower, 3));
-  PetscCall(PetscArraycpy(upper, s.upper, 3));
+  PetscCall(MeshSyncNodes(mesh, width, v));
+  PetscCall(PetscArraycpy(box[0], s.lower, 3));
+  PetscCall(PetscArraycpy(box[1], s.upper, 3));
   PetscCall(GridDestroy(&s.grid));
   PetscCall(PetscFree(s.x));
-  PetscCall(PetscFree(s.u));
+  PetscCall(PetscFree(s.v));
   PetscCall(PetscFree(s.cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -268,6 +268,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   if (active) {
     if (deformed) PetscCall(destroy_unused_deform(sim, steady));
     PetscCall(CoupleCreate(sim->flow, sim->bodies, &sim->couple));
+    if (!restarted) PetscCall(StartScalars(sim->couple));
     PetscCall(remark_backflow(l, par, sim->bodies, sim->couple));
     if (sim->deform) PetscCall(CoupleSetDeform(sim->couple, sim->deform));
     if (sim->solids) PetscCall(CoupleSetSolids(sim->couple, sim->solids));

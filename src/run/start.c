@@ -4,6 +4,7 @@
 #include "start.h"
 #include "base/interrupt.h"
 #include "base/log.h"
+#include "couple/scalars.h"
 #include "follow.h"
 #include "report/sample.h"
 
@@ -12,17 +13,17 @@
 static PetscErrorCode read_run(Mesh mesh, Flow flow, const char run[])
 {
   const MeshLocal *l;
-  PetscReal       *u, lower[3], upper[3];
+  PetscReal       *u, box[2][3];
   SampleCount      count;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(PetscCalloc1(l->nnode_all * l->dim, &u));
-  PetscCall(SampleVelocity(run, mesh, u, lower, upper, &count));
+  PetscCall(SampleField("-flow_initial_run", run, "velocity", l->dim, mesh, l->x, u, box, &count));
   PetscCheck(count.inside > 0, RunComm(), PETSC_ERR_USER_INPUT,
              "-flow_initial_run %s: no node of this mesh lies in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g",
-             run, (double)lower[0], (double)lower[1], (double)lower[2], (double)upper[0], (double)upper[1],
-             (double)upper[2]);
+             run, (double)box[0][0], (double)box[0][1], (double)box[0][2], (double)box[1][0], (double)box[1][1],
+             (double)box[1][2]);
   if (count.outside || count.nowhere)
     PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT
                         " nodes lie outside the mesh of -flow_initial_run: %" PetscInt_FMT
@@ -30,6 +31,31 @@ static PetscErrorCode read_run(Mesh mesh, Flow flow, const char run[])
                         count.outside + count.nowhere, l->nnode_global, count.outside, count.nowhere));
   PetscCall(FlowStartFrom(flow, u, NULL));
   PetscCall(PetscFree(u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Scalars know values everywhere or nowhere: a concentration that is missing has no neutral value */
+static PetscErrorCode read_scalar(Mesh mesh, const char option[], const char run[], const char scalar[],
+                                  const PetscReal x[], PetscReal T[])
+{
+  PetscReal   box[2][3];
+  SampleCount count;
+
+  PetscFunctionBeginUser;
+  PetscCall(SampleField(option, run, scalar, 1, mesh, x, T, box, &count));
+  PetscCheck(!count.outside && !count.nowhere, RunComm(), PETSC_ERR_USER_INPUT,
+             "%s %s: %" PetscInt_FMT
+             " nodes of this mesh do not lie in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g: give a run in the same "
+             "domain",
+             option, run, count.outside + count.nowhere, (double)box[0][0], (double)box[0][1], (double)box[0][2],
+             (double)box[1][0], (double)box[1][1], (double)box[1][2]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StartScalars(Couple couple)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleStartScalars(couple, read_scalar));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

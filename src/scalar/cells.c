@@ -107,50 +107,38 @@ static void multiply(PetscInt nb, PetscInt nbp, const PetscReal M[], const Petsc
   }
 }
 
-/* Faces of the cell on boundaries with a flux: A += theta h (phi_i, phi_j), f += (q + h ambient, phi_i) */
-static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, PetscReal A[], PetscReal f[])
+/* A side with the flux q - h T, has [nq][2]: A += theta h (phi_i, phi_j), f += (q, phi_i) */
+static PetscErrorCode add_side(Scalars all, PetscInt c, PetscInt side, const PetscReal has[], PetscReal A[],
+                               PetscReal f[])
 {
   const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
+  PetscReal      x[27], weight[9], phi[9 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i]) {
-    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi));
+  for (PetscInt q = 0; q < nq; q++, has += 2) {
+    const PetscReal *p = phi + q * MESH_MAX_NB;
 
-    if (s->condition[all->face[i].boundary].kind != SCALAR_FLUX) continue;
-    PetscCall(ScalarFacePoints(all, i, x, weight, phi));
-    for (PetscInt q = 0; q < nq; q++) {
-      const PetscReal *p = phi + q * MESH_MAX_NB, *has = s->surface + (i * nq + q) * 2;
-
-      for (PetscInt j = 0; j < nb; j++) {
-        f[j] += weight[q] * has[0] * p[j];
-        for (PetscInt k = 0; k < nb && has[1] != 0; k++)
-          A[j * nbp + k] += all->step.theta * weight[q] * has[1] * p[j] * p[k];
-      }
+    for (PetscInt j = 0; j < nb; j++) {
+      f[j] += weight[q] * has[0] * p[j];
+      for (PetscInt k = 0; k < nb && has[1] != 0; k++)
+        A[j * nbp + k] += all->step.theta * weight[q] * has[1] * p[j] * p[k];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Other sides with a flux */
+/* Those on boundaries, and others */
 static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, PetscReal A[], PetscReal f[])
 {
-  const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
+  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = s->cell_side[c]; i >= 0 && i < s->nside && s->side[i].cell == c; i++) {
-    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
-
-    PetscCall(ScalarSidePoints(all, c, s->side[i].side, x, weight, phi));
-    for (PetscInt q = 0; q < nq; q++) {
-      const PetscReal *p = phi + q * MESH_MAX_NB;
-
-      for (PetscInt j = 0; j < nb; j++) {
-        f[j] += weight[q] * s->side[i].q * p[j];
-        for (PetscInt k = 0; k < nb && s->side[i].h != 0; k++)
-          A[j * nbp + k] += all->step.theta * weight[q] * s->side[i].h * p[j] * p[k];
-      }
-    }
-  }
+  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
+    if (s->condition[all->face[i].boundary].kind == SCALAR_FLUX)
+      PetscCall(add_side(all, c, all->face[i].side, s->input.face + i * nq * 2, A, f));
+  for (PetscInt i = s->cell_side ? s->cell_side[c] : -1; i >= 0 && i < s->nside && s->side[i].cell == c; i++)
+    PetscCall(add_side(all, c, s->side[i].side, s->input.side + i * nq * 2, A, f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -223,12 +211,16 @@ static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, Pets
   if (m.affine)
     for (PetscInt i = 0; i < nb * nbp; i++) M[i] = capacity * m.det * all->element.mass[i];
   else ElementOperator(&all->element, &m, capacity, 0, NULL, 0, M);
-  if (!s->q && uniform == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->input.q && uniform == 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt j = 0; j < nb; j++) q[j] = 0;
-  if (s->q) ScalarCellGather(l, c, 1, s->q, q);
+  if (s->input.q) ScalarCellGather(l, c, 1, s->input.q, q);
   for (PetscInt j = 0; j < nb; j++) q[j] = (q[j] + uniform) / capacity;
   multiply(nb, nbp, M, q, y);
   for (PetscInt j = 0; j < nb; j++) f[j] += y[j];
+  if (!s->input.slope) PetscFunctionReturn(PETSC_SUCCESS);
+  ScalarCellGather(l, c, 1, s->input.slope, q);
+  for (PetscInt i = 0; i < nb * nb; i++)
+    A[i / nb * nbp + i % nb] += theta / capacity * M[i / nb * nbp + i % nb] * q[i % nb];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -292,8 +284,7 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
   PetscFunctionBeginUser;
   PetscCall(ScalarCellMatrices(all, s, c, cell));
   if (s->limit.part && s->limit.part[c] > 0 && s->w) ScalarLimitCell(all, s, c, cell->A, cell->M);
-  if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
-  if (s->cell_side) PetscCall(add_sides(all, s, c, cell->A, cell->f));
+  PetscCall(add_sides(all, s, c, cell->A, cell->f));
   PetscCall(add_history(all, s, c, cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

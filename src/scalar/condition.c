@@ -75,7 +75,7 @@ PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscRea
 }
 
 /* Values that boundaries prescribe at their nodes; where two meet, the first that prescribes one */
-static PetscErrorCode set_values(Scalars all, Scalar *s)
+PetscErrorCode ScalarsSetValues(Scalars all, Scalar *s)
 {
   const MeshLocal *l = all->loc;
 
@@ -103,96 +103,5 @@ static PetscErrorCode set_values(Scalars all, Scalar *s)
     s->owner[i] = all->nboundary;
     s->fixed[i] = s->nodes.value[i];
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Flux q + h ambient and transfer h at the points of the faces of boundary b, at the point theta of the step */
-static PetscErrorCode set_fluxes(Scalars all, Scalar *s, PetscInt b)
-{
-  const PetscInt         dim = all->loc->dim, nq = dim == 2 ? 3 : 9;
-  const ScalarCondition *c    = s->condition + b;
-  const PetscReal        time = all->step.time - (1 - all->step.theta) * all->step.dt;
-  PetscInt               n    = 0, *face;
-  PetscReal             *x, *flux, *ambient, weight[9], phi[9 * MESH_MAX_NB];
-
-  PetscFunctionBeginUser;
-  PetscCall(
-    PetscMalloc4(all->nface, &face, all->nface * nq * dim, &x, all->nface * nq, &flux, all->nface * nq, &ambient));
-  for (PetscInt i = 0; i < all->nface; i++) {
-    if (all->face[i].boundary != b) continue;
-    PetscCall(ScalarFacePoints(all, i, x + n * nq * dim, weight, phi));
-    face[n++] = i;
-  }
-  PetscCall(ScalarEvaluateNumber(&c->flux, time, n * nq, x, flux));
-  PetscCall(ScalarEvaluateNumber(&c->ambient, time, n * nq, x, ambient));
-  for (PetscInt i = 0; i < n * nq; i++) {
-    PetscReal *has = s->surface + (face[i / nq] * nq + i % nq) * 2;
-
-    has[0] = flux[i] + c->transfer * ambient[i];
-    has[1] = c->transfer;
-  }
-  PetscCall(PetscFree4(face, x, flux, ambient));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* T of scalar k at the point theta of the step, for the source of s: as solved for where it is earlier in the list, so
-   that what one loses the other gains; else extrapolated */
-static PetscReal get_source_value(Scalars all, const Scalar *s, PetscInt k, PetscInt i)
-{
-  const Scalar   *of    = all->scalar + k;
-  const PetscReal theta = all->step.theta;
-
-  return of < s ? theta * of->x[i] + (1 - theta) * of->T[i]
-                : of->T[i] + all->step.extrapolation * (of->T[i] - of->T_old[i]);
-}
-
-/* q += c r T of every scalar that makes this one */
-static void add_reactions(Scalars all, const Scalar *s)
-{
-  for (PetscInt k = 0; k < all->n; k++) {
-    const PetscReal rate = s->par.capacity * s->gain[k];
-
-    for (PetscInt i = 0; i < all->loc->nnode_all && rate != 0; i++) s->q[i] += rate * get_source_value(all, s, k, i);
-  }
-}
-
-/* q of place, time and scalars */
-static PetscErrorCode set_source(Scalars all, const Scalar *s)
-{
-  const PetscInt  n                  = all->loc->nnode_all;
-  const PetscReal time               = all->step.time - (1 - all->step.theta) * all->step.dt;
-  PetscReal      *field[EXPR_FIELDS] = {NULL};
-  PetscBool       any                = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < all->n && s->source.formula; k++) {
-    if (!ExprUsesField(s->source.formula, k)) continue;
-    any = PETSC_TRUE;
-    PetscCall(PetscMalloc1(n, &field[k]));
-    for (PetscInt i = 0; i < n; i++) field[k][i] = get_source_value(all, s, k, i);
-  }
-  if (any)
-    PetscCall(ExprEvaluateFields(s->source.formula, time, n, all->loc->x, (const PetscReal *const *)field, s->q));
-  else PetscCall(ScalarEvaluateNumber(&s->source, time, n, all->loc->x, s->q));
-  for (PetscInt k = 0; k < all->n; k++) PetscCall(PetscFree(field[k]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
-{
-  const MeshLocal *l  = all->loc;
-  const PetscInt   nq = l->dim == 2 ? 3 : 9;
-
-  PetscFunctionBeginUser;
-  PetscCall(set_values(all, s));
-  for (PetscInt b = 0; b < all->nboundary; b++) {
-    if (s->condition[b].kind != SCALAR_FLUX) continue;
-    if (!s->surface) PetscCall(PetscCalloc1(all->nface * nq * 2, &s->surface));
-    PetscCall(set_fluxes(all, s, b));
-  }
-  if (!s->source.given && !s->gain) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!s->q) PetscCall(PetscMalloc1(l->nnode_all, &s->q));
-  PetscCall(set_source(all, s));
-  if (s->gain) add_reactions(all, s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

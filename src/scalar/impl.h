@@ -1,5 +1,6 @@
 /* Inside of Scalars; for its files only. scalar.c: life cycle, fields, state. read.c: options. condition.c: boundaries
-   and their faces. cells.c: matrices of a cell. matrix.c: the matrix of a step. solve.c: right-hand side and solver.
+   and their faces. source.c: sources and fluxes. cells.c: matrices of a cell. matrix.c: the matrix of a step. solve.c:
+   right-hand side and solver.
    extend.c: values where nothing is solved for. points.c: points of a cell, at which measure.c (balance and fluxes) and
    excess.c (what bodies bring into it) sum. */
 #pragma once
@@ -65,20 +66,29 @@ typedef struct {
   PetscInt   nnear, *near;
 } ScalarLimits;
 
+/* What goes into a scalar in a step (source.c), linear in its value T: source q - slope T at the nodes [nnode_all],
+   flux q - h T through faces on boundaries [nface][nq][2] and other sides [nside][nq][2]: q, h. NULL: there is none. */
+typedef struct {
+  PetscReal *q, *slope, *face, *side;
+  PetscBool  reacts; /* does it go by scalars? */
+} ScalarInput;
+
 typedef struct {
   char             name[64];
   ScalarParameters par;
   ScalarNumber     source, initial;
-  PetscReal        decay;         /* rate of a first-order reaction */
+  char             run[PETSC_MAX_PATH_LEN]; /* it begins with the fields of, "": none */
+  PetscBool        solved;                  /* is x the solution of the step? */
+  PetscReal        decay;                   /* rate of a first-order reaction */
   PetscReal       *gain;          /* [n] rates by which scalars make this one, in its source; NULL: none does */
   ScalarCondition *condition;     /* [nboundary] */
   PetscReal       *T, *T_old, *x; /* [nnode_all] */
   /* of the step: */
   PetscInt         *owner; /* [nnode_all] boundary that prescribes a node's value, nboundary: ScalarNodes does; -1 */
-  PetscReal        *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
-  PetscReal        *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
-  PetscReal        *rhs;       /* [nnode_all] */
-  PetscBool        *seen;      /* [nnode_all] is it in a cell of the problem? */
+  PetscReal        *fixed; /* [nnode_all] that value */
+  ScalarInput       input;
+  PetscReal        *rhs;  /* [nnode_all] */
+  PetscBool        *seen; /* [nnode_all] is it in a cell of the problem? */
   ScalarCells       cells;
   ScalarNodes       nodes;
   PetscInt          nside, *cell_side; /* [ncell_all] first side of a cell, -1; NULL: there are none */
@@ -114,6 +124,7 @@ struct _p_Scalars {
   PetscInt         n, nboundary;
   PetscReal        rtol; /* -scalars_rtol */
   Scalar          *scalar;
+  ScalarsReader    read; /* NULL: none */
   ScalarStep       step;
   const PetscReal *shift; /* of nodes, or NULL */
   PetscReal       *edge;  /* [ncell_all][3] of cells that are boxes, else 0; found when the mesh had moved .. */
@@ -130,12 +141,21 @@ struct _p_Scalars {
 /* read.c */
 PetscErrorCode ScalarsRead(Scalars);
 PetscErrorCode ScalarForgetOptions(Scalars, Scalar *);
+PetscBool      ScalarNumberUses(Scalars, const ScalarNumber *); /* does it go by scalars? */
 PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *, PetscReal time, PetscInt n, const PetscReal x[],
                                     PetscReal value[]);
 
+/* source.c: what goes into a scalar by the values of all as they are. Collective. */
+PetscErrorCode ScalarSetInput(Scalars, Scalar *);
+/* The same where that changes it by more than scalars are solved for; else it stays. Collective. */
+PetscErrorCode ScalarRenewInput(Scalars, Scalar *, PetscBool *changed);
+PetscErrorCode ScalarForgetInput(ScalarInput *);
+/* Does some of it on this rank grow less where the value is larger? */
+PetscBool ScalarHasSink(Scalars, const Scalar *);
+
 /* condition.c */
 PetscErrorCode ScalarsFindFaces(Scalars);
-PetscErrorCode ScalarsSetConditions(Scalars, Scalar *);
+PetscErrorCode ScalarsSetValues(Scalars, Scalar *); /* prescribed ones */
 /* Quadrature of a side of a cell: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9 */
 PetscErrorCode ScalarSidePoints(Scalars, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[], PetscReal phi[]);
 /* The same of face i */

@@ -68,12 +68,14 @@ typedef struct {
 /* Of own cell c, for measure.c: with test functions that add up to 1 diffusion is none */
 static void note_sums(Scalars all, Scalar *s, PetscInt c, const ScalarCell *cell)
 {
-  const PetscInt nb = all->loc->nb, nbp = all->element.nbp;
+  const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
   PetscReal      M[MESH_MAX_NB] = {0}, L[MESH_MAX_NB] = {0}, *sums = s->sums + 2 * c * nb;
 
-  s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->cell_side && (!s->cells.sample || s->cells.sample[c] < 0));
+  s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->input.slope && !s->cell_side &&
+                               (!s->cells.sample || s->cells.sample[c] < 0));
   for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
-    if (s->condition[all->face[i].boundary].transfer != 0) s->has_sums[c] = PETSC_FALSE;
+    for (PetscInt q = 0; q < nq && s->input.face; q++)
+      if (s->input.face[(i * nq + q) * 2 + 1] != 0) s->has_sums[c] = PETSC_FALSE;
   if (!s->has_sums[c]) return;
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb; j++) {

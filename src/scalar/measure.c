@@ -13,6 +13,7 @@ static PetscErrorCode set_values(Scalars all, const Scalar *s, PetscInt c, Value
 {
   const MeshLocal  *l = all->loc;
   const ScalarStep *p = &all->step;
+  PetscReal         slope[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   PetscCall(ScalarCellValues(all, s, c, &v->at));
@@ -21,7 +22,9 @@ static PetscErrorCode set_values(Scalars all, const Scalar *s, PetscInt c, Value
     v->at.x[j] += v->at.linear[j];
     v->q[j] = 0;
   }
-  if (s->q) ScalarCellGather(l, c, 1, s->q, v->q);
+  if (s->input.q) ScalarCellGather(l, c, 1, s->input.q, v->q);
+  if (s->input.slope) ScalarCellGather(l, c, 1, s->input.slope, slope);
+  for (PetscInt j = 0; j < l->nb && s->input.slope; j++) v->q[j] -= slope[j] * v->at.theta[j];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,49 +131,35 @@ static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, Value
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What goes in at a point of a side, q - h T, with its weight and basis */
-static PetscReal get_flux(PetscInt nb, PetscReal weight, const PetscReal phi[], PetscReal q, PetscReal h,
-                          const Values *v)
+/* What goes in through a side with the flux q - h T, has [nq][2] */
+static PetscErrorCode add_side(Scalars all, PetscInt c, PetscInt side, const PetscReal has[], const Values *v,
+                               PetscReal *sum)
 {
-  PetscReal T = 0;
-
-  for (PetscInt j = 0; j < nb; j++) T += phi[j] * v->at.theta[j];
-  return weight * (q - h * T);
-}
-
-/* Faces of a cell with a flux */
-static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal sum[])
-{
-  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
+  PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i]) {
-    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi));
+  for (PetscInt q = 0; q < (all->loc->dim == 2 ? 3 : 9); q++, has += 2) {
+    PetscReal T = 0;
 
-    if (s->condition[all->face[i].boundary].kind != SCALAR_FLUX) continue;
-    PetscCall(ScalarFacePoints(all, i, x, weight, phi));
-    for (PetscInt q = 0; q < nq; q++) {
-      const PetscReal *has = s->surface + (i * nq + q) * 2;
-
-      sum[all->face[i].boundary] += get_flux(all->loc->nb, weight[q], phi + q * MESH_MAX_NB, has[0], has[1], v);
-    }
+    for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
+    *sum += weight[q] * (has[0] - has[1] * T);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What goes into a cell through other sides */
-static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal *sum)
+/* Through faces of a cell on boundaries, sum [nboundary], and through other sides */
+static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal sum[],
+                                PetscReal *source)
 {
   const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = s->cell_side[c]; i >= 0 && i < s->nside && s->side[i].cell == c; i++) {
-    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
-
-    PetscCall(ScalarSidePoints(all, c, s->side[i].side, x, weight, phi));
-    for (PetscInt q = 0; q < nq; q++)
-      *sum += get_flux(all->loc->nb, weight[q], phi + q * MESH_MAX_NB, s->side[i].q, s->side[i].h, v);
-  }
+  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
+    if (s->condition[all->face[i].boundary].kind == SCALAR_FLUX)
+      PetscCall(add_side(all, c, all->face[i].side, s->input.face + i * nq * 2, v, sum + all->face[i].boundary));
+  for (PetscInt i = s->cell_side ? s->cell_side[c] : -1; i >= 0 && i < s->nside && s->side[i].cell == c; i++)
+    PetscCall(add_side(all, c, s->side[i].side, s->input.side + i * nq * 2, v, source));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -286,8 +275,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
 
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(set_values(all, s, c, &v));
-    if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
-    if (s->cell_side) PetscCall(add_sides(all, s, c, &v, &b->source));
+    PetscCall(add_sides(all, s, c, &v, sum, &b->source));
     PetscCall(add_fixed(all, s, c, sum));
     PetscCall(add_inside(all, s, c, &v, b));
   }

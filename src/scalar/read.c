@@ -22,6 +22,14 @@ static PetscErrorCode read_number(const char option[], PetscInt dim, ScalarNumbe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool ScalarNumberUses(Scalars all, const ScalarNumber *number)
+{
+  PetscBool any = PETSC_FALSE;
+
+  for (PetscInt k = 0; k < all->n && number->formula; k++) any = (PetscBool)(any || ExprUsesField(number->formula, k));
+  return any;
+}
+
 PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *number, PetscReal time, PetscInt n, const PetscReal x[],
                                     PetscReal value[])
 {
@@ -140,29 +148,46 @@ static PetscErrorCode read_reaction(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sources by scalars: not of what grows without bounds, and without time of what is solved for before alone */
+/* Does a source or flux go by scalars? Not by what grows without bounds. */
 static PetscErrorCode check_sources(Scalars all, PetscInt i)
 {
-  const Scalar *s      = all->scalar + i;
-  PetscBool     steady = PETSC_FALSE;
+  Scalar *s = all->scalar + i;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeekBool("-sim_steady", &steady));
+  s->input.reacts = (PetscBool)(s->gain || ScalarNumberUses(all, &s->source));
+  for (PetscInt b = 0; b < all->nboundary; b++)
+    s->input.reacts = (PetscBool)(s->input.reacts || ScalarNumberUses(all, &s->condition[b].flux));
   for (PetscInt k = 0; k < all->n; k++) {
-    const Scalar   *of     = all->scalar + k;
-    const PetscBool reacts = (PetscBool)(s->gain && s->gain[k] != 0);
-    const char     *option = reacts ? "reaction" : "source";
+    const Scalar *of     = all->scalar + k;
+    const char   *option = s->gain && s->gain[k] != 0                               ? "reaction"
+                         : s->source.formula && ExprUsesField(s->source.formula, k) ? "source"
+                                                                                    : NULL;
 
-    if (!reacts && !(s->source.formula && ExprUsesField(s->source.formula, k))) continue;
-    PetscCheck(!of->par.periodic_gradient, all->comm, PETSC_ERR_SUP,
-               "-scalar_%s_%s goes by scalar '%s', which has a mean gradient: its source would not be periodic; leave it out, or leave "
+    for (PetscInt b = 0; b < all->nboundary; b++)
+      if (s->condition[b].flux.formula && ExprUsesField(s->condition[b].flux.formula, k)) option = "bc_<boundary>_flux";
+    PetscCheck(!option || !of->par.periodic_gradient, all->comm, PETSC_ERR_SUP,
+               "-scalar_%s_%s goes by scalar '%s', which has a mean gradient: it would not be periodic; leave it out, or leave "
                "out -scalar_%s_gradient",
                s->name, option, of->name, of->name);
-    PetscCheck(!steady || k < i, all->comm, PETSC_ERR_SUP,
-               "-scalar_%s_%s goes by scalar '%s', which -sim_steady does not solve for before '%s': name it earlier in -scalars, "
-               "or run in time until nothing changes",
-               s->name, option, of->name, s->name);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_initial(Scalars all, Scalar *s)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  s->initial.value = s->par.reference;
+  PetscCall(read_number(name_option(s, "initial", name), all->loc->dim, &s->initial));
+  PetscCall(OptString(name_option(s, "initial_run", name), s->run, sizeof(s->run)));
+  PetscCheck(!s->run[0] || !s->initial.given, all->comm, PETSC_ERR_USER_INPUT,
+             "%s %s: the scalar starts with the fields of that run, and -scalar_%s_initial says another start: remove one of them",
+             name, s->run, s->name);
+  PetscCheck(!s->run[0] || !s->par.periodic_gradient, all->comm, PETSC_ERR_SUP,
+             "%s %s: a scalar with a mean gradient cannot start from fields: leave out -scalar_%s_gradient, or continue the run "
+             "(-sim_restart)",
+             name, s->run, s->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,14 +202,13 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscCall(read_conduction(all, s));
   PetscCall(OptReal(name_option(s, "expansion", name), &s->par.expansion));
   PetscCall(OptReal(name_option(s, "reference", name), &s->par.reference));
-  s->initial.value = s->par.reference;
-  PetscCall(read_number(name_option(s, "initial", name), all->loc->dim, &s->initial));
   PetscCall(read_number(name_option(s, "source", name), all->loc->dim, &s->source));
   PetscCall(OptReal(name_option(s, "decay", name), &s->decay));
   PetscCall(OptChoice(name_option(s, "stabilise", name), STABILISE, &none));
   s->limit.wanted = (PetscBool)!none;
   PetscCall(read_reaction(all, s));
   PetscCall(read_gradient(all, s));
+  PetscCall(read_initial(all, s));
   PetscCall(OptReal(name_option(s, "reference_difference", name), &s->par.difference));
   s->par.length = 1;
   if (s->par.difference > 0) PetscCall(OptReal(name_option(s, "reference_length", name), &s->par.length));

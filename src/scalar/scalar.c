@@ -1,6 +1,7 @@
 /* Scalars: see scalar.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/opt.h"
 #include "mesh/carry.h"
 
 PetscInt ScalarsCount(Scalars all)
@@ -69,8 +70,7 @@ PetscErrorCode ScalarsDiscard(Scalars all)
 
     PetscCall(ScalarForgetSolver(s));
     PetscCall(MatDestroy(&s->A));
-    PetscCall(PetscFree(s->surface));
-    PetscCall(PetscFree(s->q));
+    PetscCall(ScalarForgetInput(&s->input));
     PetscCall(PetscFree(s->cell_side));
     PetscCall(ScalarLimitForget(s));
     PetscCall(PetscFree2(s->sums, s->has_sums));
@@ -131,9 +131,23 @@ PetscErrorCode ScalarsStartAt(Scalars all, PetscInt i, const PetscReal x[])
   Scalar *s = all->scalar + i;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, x, s->T));
+  if (s->run[0] && all->read) {
+    char option[OPT_NAME];
+
+    (void)snprintf(option, sizeof(option), "-scalar_%s_initial_run", s->name);
+    PetscCall((*all->read)(all->mesh, option, s->run, s->name, x, s->T));
+  } else PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, x, s->T));
   PetscCall(PetscArraycpy(s->T_old, s->T, all->loc->nnode_all));
   PetscCall(PetscArraycpy(s->x, s->T, all->loc->nnode_all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetReader(Scalars all, ScalarsReader read)
+{
+  PetscFunctionBeginUser;
+  all->read = read;
+  for (PetscInt i = 0; i < all->n; i++)
+    if (all->scalar[i].run[0]) PetscCall(ScalarsStartAt(all, i, all->loc->x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -187,7 +201,10 @@ PetscErrorCode ScalarsBeginStep(Scalars all, const ScalarStep *step)
   PetscFunctionBeginUser;
   all->step = *step;
   PetscCall(ScalarsSetUp(all));
-  for (PetscInt i = 0; i < all->n; i++) PetscCall(ScalarCreateSolver(all, all->scalar + i));
+  for (PetscInt i = 0; i < all->n; i++) {
+    all->scalar[i].solved = PETSC_FALSE;
+    PetscCall(ScalarCreateSolver(all, all->scalar + i));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -220,9 +237,17 @@ PetscErrorCode ScalarsSetSides(Scalars all, PetscInt i, PetscInt n, const Scalar
   PetscFunctionBeginUser;
   if (n && !s->cell_side) PetscCall(PetscMalloc1(all->loc->ncell_all, &s->cell_side));
   for (PetscInt c = 0; c < all->loc->ncell_all && s->cell_side; c++) s->cell_side[c] = -1;
+  PetscCall(PetscFree(s->input.side));
   s->nside = n;
   s->side  = side;
   for (PetscInt k = n - 1; k >= 0; k--) s->cell_side[side[k].cell] = k;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsReact(Scalars all, PetscInt i)
+{
+  PetscFunctionBeginUser;
+  all->scalar[i].input.reacts = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

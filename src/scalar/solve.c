@@ -11,6 +11,7 @@
 #define CANCEL    1e-3  /* of their sizes: what sources and fluxes of a steady scalar may miss to cancel */
 #define PASSES    6     /* solutions at most, until limits hold, */
 #define STEADY    30    /* and of a steady state */
+#define SWEEPS    50    /* solutions of all scalars at most, until sources are those of their values */
 #define LOOSE     1e-7  /* no residual beyond this either */
 #define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays, */
 #define MASSIVE   0.1   /* and below which sweeps are enough */
@@ -144,8 +145,7 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s, const PetscReal w[])
   PetscFunctionBeginUser;
   if (all->step.ct != 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < l->nnode; i++) any += s->owner[i] >= 0;
-  for (PetscInt b = 0; b < all->nboundary; b++) any += s->condition[b].transfer > 0;
-  for (PetscInt i = 0; i < s->nside; i++) any += s->side[i].h > 0;
+  any += ScalarHasSink(all, s);
   for (PetscInt c = 0; c < l->ncell && s->cells.sample; c++) {
     const ScalarSamples *p = s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
 
@@ -318,19 +318,13 @@ static PetscErrorCode solve_linear(Scalars all, Scalar *s, KSPConvergedReason *r
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
+/* With what goes in as it is */
+static PetscErrorCode solve_within_bounds(Scalars all, Scalar *s, KSPConvergedReason *reason)
 {
   const PetscInt passes = all->step.ct > 0 ? PASSES : STEADY;
-  Scalar        *s      = all->scalar + i;
   PetscBool      more;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarsSetConditions(all, s));
-  PetscCall(fix_one_node(all, s, w));
-  PetscCall(ScalarsPredict(all, i, w));
-  for (PetscInt k = 0; k < all->loc->nnode_all; k++)
-    if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
-  PetscCall(ScalarLimit(all, s, PETSC_FALSE, &more));
   for (PetscInt pass = 0; pass < passes; pass++) {
     PetscCall(solve_linear(all, s, reason));
     if (*reason < 0 || pass == passes - 1) break;
@@ -338,5 +332,52 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
     if (!more) break;
   }
   if (s->extended) PetscCall(ScalarExtendSolution(all, s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
+{
+  Scalar   *s = all->scalar + i;
+  PetscBool more;
+
+  PetscFunctionBeginUser;
+  s->solved = PETSC_FALSE;
+  PetscCall(ScalarsSetValues(all, s));
+  PetscCall(ScalarSetInput(all, s));
+  PetscCall(fix_one_node(all, s, w));
+  PetscCall(ScalarsPredict(all, i, w));
+  for (PetscInt k = 0; k < all->loc->nnode_all; k++)
+    if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
+  PetscCall(ScalarLimit(all, s, PETSC_FALSE, &more));
+  PetscCall(solve_within_bounds(all, s, reason));
+  s->solved = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSettle(Scalars all, PetscInt *failed, KSPConvergedReason *reason)
+{
+  PetscBool more = PETSC_TRUE, changed;
+
+  PetscFunctionBeginUser;
+  *failed = -1;
+  *reason = KSP_CONVERGED_RTOL;
+  for (PetscInt sweep = 0; sweep < SWEEPS && more; sweep++) {
+    more = PETSC_FALSE;
+    for (PetscInt i = 0; i < all->n; i++) {
+      if (!all->scalar[i].input.reacts) continue;
+      PetscCall(ScalarRenewInput(all, all->scalar + i, &changed));
+      if (!changed) continue;
+      more = PETSC_TRUE;
+      PetscCall(solve_within_bounds(all, all->scalar + i, reason));
+      if (*reason <= 0) *failed = i;
+      if (*reason <= 0) break;
+    }
+    if (*failed >= 0) break;
+  }
+  if (*failed >= 0 && all->step.ct > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!more || all->step.ct > 0, all->comm, PETSC_ERR_NOT_CONVERGED,
+             "Scalars that react have found no steady state in %d solutions: run in time until nothing changes, or start nearer to it "
+             "(-scalar_<scalar>_initial)",
+             SWEEPS);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

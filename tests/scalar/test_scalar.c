@@ -188,7 +188,7 @@ static void step_with_sides(const char options[], PetscBool sides, PetscReal sum
   open_case(&c, 2, options);
   OK(PetscMalloc1(c.l->ncell_all, &side));
   for (PetscInt e = 0; e < c.l->ncell_all && sides; e++)
-    if (c.l->x[2 * c.l->cell_node[e * 9 + 5]] > 1.5 - 1e-9) side[n++] = (ScalarSide){e, 1, 4.5, 3};
+    if (c.l->x[2 * c.l->cell_node[e * 9 + 5]] > 1.5 - 1e-9) side[n++] = (ScalarSide){e, 1, 4.5, 3, NULL};
   OK(ScalarsSetSides(c.s, 0, n, side));
   begin(&c, 0.1);
   T = solve(&c, NULL);
