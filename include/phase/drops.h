@@ -33,10 +33,11 @@ typedef struct {
 
 typedef struct {
   PetscInt  number, group;
-  PetscReal target;      /* volume that it is to have */
-  PhaseSums sums;        /* at the end of the last step; volume: sums.area */
-  PetscReal velocity[3]; /* mean over its volume, likewise */
-  PetscReal flux[3];     /* integral of the velocity over its cells, in the last solve */
+  PetscReal target;             /* volume that it is to have */
+  PetscReal inside, inside_old; /* volume within bodies that it wets, beside that; one step earlier */
+  PhaseSums sums;               /* at the end of the last step; volume: sums.area */
+  PetscReal velocity[3];        /* mean over its volume, likewise */
+  PetscReal flux[3];            /* integral of the velocity over its cells, in the last solve */
 } Drop;
 
 typedef struct {

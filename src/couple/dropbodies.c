@@ -43,7 +43,7 @@ PetscErrorCode DropsCloseCells(CoupleDrops *f, Couple c)
     const PetscReal radius = BodiesGetRadius(c->s, k) + FILM * c->loc->h;
     PetscReal       X[3], q[4], angle;
 
-    if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted) continue;
+    if (c->s->removed[k] || f->angle[c->s->body_group[k]] > 0 || BodiesGetGroup(c->s, k)->body_fitted) continue;
     PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, X, q, &angle));
     for (DomainImages i = {0}; MeshNextImage(c->loc, X, radius, &i);) {
       const PetscInt *list;

@@ -104,7 +104,7 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, P
 
       PhaseInterfaceMeasure(now, d->number, &sums);
       if (sums.length <= 0) continue;
-      shift = PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length));
+      shift = PetscMax(-most, PetscMin(most, (d->target + d->inside - sums.area) / sums.length));
       PetscCall(PhaseInterfaceShift(now, d->number, shift));
       largest = PetscMax(largest, PetscAbsReal(shift) / c->loc->h);
     }
@@ -138,12 +138,14 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
+    PetscCall(DropsMeetBodies(f, c));
     PetscCall(PetscArrayzero(f->way, c->loc->dim * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {
     PetscCall(find_way(f, c));
     PetscCall(PhaseInterfaceDestroy(&f->interface));
     PetscCall(DropsGather(f, c, f->cell_drop, f->way, &f->interface));
+    PetscCall(DropsMeetBodies(f, c));
     PetscCall(DropsKeepVolumes(f, c, &f->interface, &way));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -158,7 +160,8 @@ PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
     const PetscInt   k = DropsFind(f->s, f->cell_drop[e]);
     const DropGroup *g = k < 0 ? NULL : f->s->group + f->s->drop[k].group;
 
-    f->density[e]   = g ? g->density : c->par->density;
+    f->density[e] = g ? g->density : c->par->density;
+    if (f->outside) f->density[e] = c->par->density + f->outside[e] * (f->density[e] - c->par->density);
     f->viscosity[e] = g && g->viscosity > 0 ? g->viscosity : c->par->viscosity;
   }
   PetscCall(FlowSetProperties(c->flow, f->density, f->viscosity));

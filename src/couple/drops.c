@@ -22,6 +22,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree5(f->way, f->corr, f->shift, f->velocity, f->force));
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
+  PetscCall(PetscFree(f->outside));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -42,6 +43,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
+  if (f->meets) PetscCall(PetscMalloc1(ncell, &f->outside));
+  for (PetscInt e = 0; e < ncell && f->meets; e++) f->outside[e] = 1;
   PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
   PetscCall(DropsSetFilm(f, c));
   f->s->cell_drop = f->cell_drop;
@@ -63,6 +66,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(PhaseSurfacesDestroy(&f->surfaces));
   PetscCall(PetscFree(f->term_cell));
   PetscCall(PetscFree(f->term));
+  PetscCall(PetscFree(f->angle));
   PetscCall(PetscFree(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -86,6 +90,13 @@ static PetscErrorCode predict(Couple c, void *data)
   PetscCall(DropsCloseCells(f, c));
   PetscCall(DropsKeepApart(f, c));
   PetscCall(DropsAlign(f, c)); /* before other participants look at the mesh */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_bodies(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsTakeBodies((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -203,6 +214,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
 
   PetscFunctionBeginUser;
   PetscCall(DropsVisitState(f->drops, state));
+  PetscCall(DropsVisitBodies(f, state));
   if (dim == 2) PetscCall(visit_curve(state, &f->interface.curve));
   else PetscCall(DropsVisitSheet(state, &f->interface.sheet));
   PetscCall(StateInts(state, "drops_first_order", 1, &first));
@@ -244,6 +256,7 @@ static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 
 static const CoupleParticipant DROPS = {.name         = "drops",
                                         .begin        = predict,
+                                        .prepare      = take_bodies,
                                         .rows         = assemble,
                                         .solved       = solved,
                                         .balance      = balance,
@@ -286,6 +299,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(PetscNew(&f));
   f->drops = drops;
   PetscCall(DropsGetState(drops, &f->s));
+  PetscCall(DropsReadAngles(f, c));
   for (PetscInt a = 0; a < c->loc->dim; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
   PetscCall(PhaseSurfacesCreate(c->loc->dim, PetscSqrtReal(size), &f->surfaces));
   PetscCall(CoupleAddParticipant(c, &DROPS, f));

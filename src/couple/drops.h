@@ -37,6 +37,9 @@ typedef struct CoupleDrops {
   PetscBool      first_order;         /* the last step was */
   PetscInt       broke;               /* so many steps more give back what vanished where a drop broke up */
   PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
+  PetscBool      meets, met;          /* there are bodies that drops wet; drops know what of them is inside of these */
+  PetscReal     *angle;               /* [groups of bodies] contact angle, 0: not wetted */
+  PetscReal     *outside;             /* [ncell_all] the part of a cell that is in no such body; NULL: there are none */
   PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
   PetscReal     *slip_length;         /* [4] of these, 0: free slip */
   PetscInt      *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
@@ -54,6 +57,14 @@ typedef struct CoupleDrops {
 PetscErrorCode DropsAddLosses(CoupleDrops *, Couple, CoupleLosses *);
 /* dropbodies.c. Which cells are closed, by bodies where they are at the end of the step. Not collective. */
 PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
+/* dropmeet.c. Contact angles of bodies. Not collective. */
+PetscErrorCode DropsReadAngles(CoupleDrops *, Couple);
+/* The predicted interface ends on bodies that are wetted, as they are at the end of the step. Collective. */
+PetscErrorCode DropsMeetBodies(CoupleDrops *, Couple);
+/* After bodies have been drawn: their parts of cells, in the density and in the volumes of drops. Collective. */
+PetscErrorCode DropsTakeBodies(CoupleDrops *, Couple);
+/* After the drops. Collective. */
+PetscErrorCode DropsVisitBodies(CoupleDrops *, State);
 /* dropapart.c. And which between drops that stay apart. After DropsCloseCells. Collective. */
 PetscErrorCode DropsKeepApart(CoupleDrops *, Couple);
 /* The thickness of films, when there is a mesh. Collective. Error: they are too thick for it. */

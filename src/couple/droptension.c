@@ -141,7 +141,7 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
       ElementBasis(dim, xi, phi, dphi);
       ElementMap(dim, xc, xi, x, J);
       w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
-          DenseDeterminant(dim, J);
+          DenseDeterminant(dim, J) * (f->outside ? f->outside[e] : 1);
       sum[4 * k] += w;
       for (PetscInt j = 0; j < dim * nb; j++)
         sum[4 * k + 1 + j % dim] += w * phi[j / dim] * u[dim * l->cell_node[nb * e + j / dim] + j % dim];
@@ -170,6 +170,7 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
     Drop *d = f->s->drop + k;
 
     PhaseInterfaceMeasure(&f->s->interface, d->number, &d->sums);
+    d->sums.area -= d->inside;
     for (PetscInt a = 0; a < 3; a++) d->velocity[a] = sum[4 * k] > 0 ? sum[4 * k + 1 + a] / sum[4 * k] : 0;
     for (PetscInt a = 0; a < 3; a++) d->flux[a] = sum[4 * k + 1 + a];
   }

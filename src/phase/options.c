@@ -10,9 +10,9 @@ static const OptSpec SPECS[] = {
    .help = "surface tension of a drop or bubble", .when = FLUID, .also = "sigma, tension, gamma",
    .find = "drop, bubble, interface, two-phase, capillary"},
   {"-particle_<group>_contact_angle", OPT_REAL, "rad", PETSC_PI / 12, 11 * PETSC_PI / 12, "",
-   .help = "angle between wall and interface, inside the drop, on walls of type slip (not given: a film of the fluid "
-           "around stays between drop and wall)",
-   .when = FLUID, .also = "wetting_angle, young_angle, theta", .find = "wetting, contact line, drop on a wall"},
+   .help = "angle inside the drop between its interface and what it wets: of a drop, walls of type slip; of a rigid "
+           "particle, its surface (not given: a film of the fluid around stays between)",
+   .also = "wetting_angle, young_angle, theta", .find = "wetting, contact line, drop on a wall"},
   {"-particle_<group>_coalescence", OPT_CHOICE, "", OPT_ANY, "film",
    .help = "what drops that meet do: merge when the film between them breaks, or never; then a cell of the fluid around "
            "stays between them",

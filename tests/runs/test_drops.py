@@ -247,6 +247,35 @@ def test_checkpoint_beside_falling_disc(run, scene):
     assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)  # the disc turned 5 % slower before
 
 
+FLOATS = [RUNS / "disc-at-interface.yaml", "-mesh_cells", "24,18", "-sim_dt", "0.1", "-output_every", "0"]
+
+
+def test_floating_disc(run):
+    """A disc heavier than the fluids floats as deep as weight, pressure and the pull of the interface say (4 cells a radius)."""
+    result = run([*FLOATS, "-output_dir", "out", "-sim_time", "4", "-particle_disc_position", "0,-0.16"])
+    assert result.status == 0, str(result)
+    out = tumble.open(result.folder / "out")
+    depth = (out.drops["wetted"][-1] - 2) / 2 - 1 - out.bodies["y"][-1]
+    assert depth == pytest.approx(0.187127, rel=0.015)  # study drops; set after 1 % was seen
+    assert max(out.series["momentum_error"]) < 1e-12
+    assert abs(out.drops["volume_error"][-1]) < 1e-10 and max(map(abs, out.drops["volume_error"][5:])) < 1e-6
+
+
+def test_floating_ranks_and_restart(run):
+    """The same on 1 and 3 ranks, and after a restart to the bit."""
+    rows = []
+    for ranks, folder in ((1, "one"), (3, "three")):
+        result = run([*FLOATS, "-output_dir", folder, "-sim_steps", "4", "-checkpoint_every", "2"], ranks)
+        assert result.status == 0, str(result)
+        rows.append(read_rows(result.folder / folder / "drops.csv"))
+    for name in ("volume", "y", "v", "length", "wetted"):
+        assert rows[1][-1][name] == pytest.approx(rows[0][-1][name], rel=1e-8, abs=1e-9), name
+    for steps, more in (("2", []), ("4", ["-sim_restart", "latest"])):
+        result = run([*FLOATS, "-output_dir", "part", "-sim_steps", steps, "-checkpoint_every", "2", *more])
+        assert result.status == 0, str(result)
+    assert read_rows(result.folder / "part" / "drops.csv") == rows[0]
+
+
 PRESSED = ["drops-coalesce", "-mesh_cells", "20,20", "-sim_dt", "0.02", "-output_every", "0"]
 
 

@@ -1,0 +1,192 @@
+/* CoupleDrops, bodies that drops wet: interfaces end on rigid bodies with a contact angle, which the penalty holds. The
+   interface goes on inside of the body, where the mesh is lined up with it too, and moves rigidly; there, and a cell
+   around, it is drawn anew in every step, such that it meets the surface at the contact angle (phase/meet.c). So the
+   contact line goes to where the angle wants it, over a slip length of about a cell. The body feels the tension of the
+   interface at its inner end, which is Young's force, in the rows of its motion like every force on its nodes.
+
+   The fluid in a body has the density that the rows of bodies reckon with, that of the fluid around, so that the
+   density of cells that the surface cuts is between that and the drop's. The volume that a drop keeps is the one
+   outside of bodies. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+#include "penalty.h"
+#include "base/algebra.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include "base/sparse.h"
+#include "bodies/local.h"
+
+/* As the owner of a body tells all ranks, numbers as reals */
+typedef struct {
+  PetscReal group, scale, X[3], q[4];
+} Wetted;
+
+typedef struct {
+  Couple             c;
+  const CoupleDrops *f;
+  PetscInt           n;
+  Wetted            *body;
+} WettedBodies;
+
+PetscErrorCode DropsReadAngles(CoupleDrops *f, Couple c)
+{
+  PetscBool energy;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->s->ngroups, &f->angle));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    char name[OPT_NAME];
+
+    PetscCall(OptReal(OptJoin("-particle_", c->s->group[g].name, "_contact_angle", name), &f->angle[g]));
+    if (f->angle[g] > 0 && c->s->group[g].count) f->meets = PETSC_TRUE;
+  }
+  PetscCall(OptHas("-monitor_energy", &energy));
+  if (f->meets && energy)
+    PetscCall(LogRemark(
+      "-monitor_energy: the energy of surfaces of particles that drops wet is not counted, and the books do not close"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode distance(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[])
+{
+  const WettedBodies *s = (const WettedBodies *)ctx;
+  const MeshLocal    *l = s->c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) {
+    d[i] = PETSC_MAX_REAL;
+    for (PetscInt k = 0; k < s->n; k++) {
+      const Wetted  *b     = s->body + k;
+      const PetscInt group = (PetscInt)b->group;
+      PetscReal      y[2], at;
+
+      for (PetscInt a = 0; a < 2; a++) y[a] = DomainNearest(l->period[a], x[2 * i + a], b->X[a]);
+      PetscCall(BodiesDistanceOf(s->c->bodies, group, b->scale, b->X, b->q, 1, y, &at));
+      if (at < d[i] && angle) angle[i] = s->f->angle[group];
+      d[i] = PetscMin(d[i], at);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that are wetted, where they will be at the end of the step, on all ranks */
+static PetscErrorCode gather_bodies(const CoupleDrops *f, Couple c, WettedBodies *s)
+{
+  Wetted  *own;
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &own));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal angle;
+    Wetted   *b = own + n;
+
+    if (!c->s->own[k] || c->s->removed[k] || f->angle[c->s->body_group[k]] <= 0) continue;
+    b->group = (PetscReal)c->s->body_group[k];
+    b->scale = c->s->scale[k];
+    PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, b->X, b->q, &angle));
+    n++;
+  }
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) s->n = n, s->body = own; /* all know all of them */
+  else {
+    PetscCall(SparseGather(c->comm, n, sizeof(*own), own, &s->n, &s->body, NULL));
+    PetscCall(PetscFree(own));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What drops have inside of bodies at the end of the step, as it has changed so far */
+static void predict_insides(DropsState *s)
+{
+  for (PetscInt k = 0; k < s->n; k++) {
+    Drop           *d    = s->drop + k;
+    const PetscReal next = PetscMax(0, 2 * d->inside - d->inside_old);
+
+    d->inside_old = d->inside;
+    d->inside     = next;
+  }
+}
+
+PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
+{
+  WettedBodies s = {.c = c, .f = f};
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
+  PetscCall(gather_bodies(f, c, &s));
+  PetscCall(PhaseCurveMeet(&f->interface.curve, &(PhaseSolid){.ctx = &s, .h = c->loc->h, .distance = distance}));
+  PetscCall(PetscFree(s.body));
+  if (f->met) predict_insides(f->s);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* f->outside [ncell_all]: the part of a cell that is in no body */
+static PetscErrorCode find_outside(CoupleDrops *f, Couple c)
+{
+  CutCells         cells;
+  const CutCell   *cut;
+  const PetscReal *size;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->outside[e] = 1;
+  PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
+  PetscCall(CutCellsGet(cells, &n, &cut));
+  for (PetscInt t = 0; t < n; t++) {
+    const PetscReal part = cut[t].moments < 0 ? 1 : cut[t].volume / PetscSqr(size[cut[t].cell]);
+
+    f->outside[cut[t].cell] = PetscMax(0, f->outside[cut[t].cell] - part);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
+{
+  const PetscInt   n = f->s->n;
+  const PetscReal *size;
+  PetscReal       *inside;
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_outside(f, c));
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(PetscCalloc1(n, &inside));
+  for (PetscInt e = 0; e < c->loc->ncell; e++) {
+    const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
+
+    if (k >= 0) inside[k] += (1 - f->outside[e]) * PetscSqr(size[e]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, inside, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt k = 0; k < n; k++) {
+    Drop *d = f->s->drop + k;
+
+    if (!f->met) d->target -= inside[k];
+    if (d->inside == 0) d->inside_old = inside[k];
+    d->inside = inside[k];
+  }
+  f->met = PETSC_TRUE;
+  PetscCall(PetscFree(inside));
+  PetscCall(DropsSetProperties(f, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsVisitBodies(CoupleDrops *f, State state)
+{
+  PetscInt   met = f->met;
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateInts(state, "drops_met", 1, &met));
+  f->met = (PetscBool)met;
+  PetscCall(PetscMalloc1(2 * f->s->n, &value));
+  for (PetscInt i = 0; i < 2 * f->s->n; i++) value[i] = i % 2 ? f->s->drop[i / 2].inside_old : f->s->drop[i / 2].inside;
+  PetscCall(StateReals(state, "drops_inside", 2 * f->s->n, value));
+  for (PetscInt i = 0; i < 2 * f->s->n; i++)
+    *(i % 2 ? &f->s->drop[i / 2].inside_old : &f->s->drop[i / 2].inside) = value[i];
+  PetscCall(PetscFree(value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
