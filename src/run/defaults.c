@@ -103,10 +103,6 @@ static const struct {
   {"-preset", "accurate", UNSTEADY | STILL, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | STILL, "-sim_adapt_tolerance", "1e-5"},
   {"-preset", "accurate", UNSTEADY | STILL, "-sim_adapt_max", HALF_STEP},
-  /* a flow without bodies: swung to and fro by a force, 40 steps a period, .8 % off, with this .1 % (womersley) */
-  {"-preset", "accurate", UNSTEADY | EMPTY, "-sim_adapt", "true"},
-  {"-preset", "accurate", UNSTEADY | EMPTY, "-sim_adapt_tolerance", "1e-5"},
-  {"-preset", "accurate", UNSTEADY | EMPTY, "-sim_adapt_max", STEP},
   {"-preset", "accurate", UNSTEADY, "-flow_time", "bdf2"},
   /* swimmers exert no force, so that what a solve leaves moves them: sweeps alone 13 % */
   {"-preset", "fast", UNSTEADY | SWIMS | ASKED, "-flow_solver", "balanced"},
