@@ -176,6 +176,19 @@ typedef struct {
   int (*add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double d[]);
 } DeviceBodyKernels;
 
+typedef struct {
+  /* y [nnode][3] = weight [nnode] x; y = |x| by entries */
+  int (*scale_nodes)(const DeviceQueue *, int nnode, const double weight[], const double x[], double y[]);
+  int (*take_sizes)(const DeviceQueue *, size_t n, const double x[], double y[]);
+  /* y [ncell][4] += the linear pressure with gradient factor, on the host; centre [ncell][4]: middle and size of cells
+   */
+  int (*add_linear)(const DeviceQueue *, int ncell, const double centre[], const double factor[3], double y[]);
+  /* out [3] = sums over nodes of weight [nnode] (NULL: 1) times such a combination of arrays [nnode][3]; the same bits
+     in every run */
+  int (*sum_components)(const DeviceQueue *, int nnode, const double weight[], int nv, const double *const v[],
+                        const double factor[], double partial[], double out[]);
+} DeviceBalanceKernels;
+
 struct _n_DeviceKernels {
   const char *name; /* cpu, cuda */
 
@@ -193,8 +206,9 @@ struct _n_DeviceKernels {
   int (*set_fixed)(const DeviceQueue *, const DeviceCells *, const unsigned char fixed[], int node[]);
   /* to[slot[k]] = from[slot[k]], k < n */
   int (*copy_slots)(const DeviceQueue *, int n, const int slot[], const double from[], double to[]);
-  /* to[slot[k]] = value[k]; out [n][size] = rows row[k] of from [..][size] */
+  /* to[slot[k]] = value[k]; the same number in all; out [n][size] = rows row[k] of from [..][size] */
   int (*set_slots)(const DeviceQueue *, int n, const int slot[], const double value[], double to[]);
+  int (*fill_slots)(const DeviceQueue *, int n, const int slot[], double value, double to[]);
   int (*pick)(const DeviceQueue *, int n, int size, const int row[], const double from[], double out[]);
   /* rows row[k], each once, of to [..][size] = value [n][size], or += */
   int (*put)(const DeviceQueue *, int n, int size, const int row[], const double value[], double to[]);
@@ -261,10 +275,6 @@ struct _n_DeviceKernels {
                  const double constant[3], double out[]);
   /* y = weight x by entries */
   int (*scale)(const DeviceQueue *, size_t n, const double weight[], const double x[], double y[]);
-  /* out [3] = sums over nodes of weight [nnode] (NULL: 1) times such a combination of arrays [nnode][3]; the same bits
-     in every run */
-  int (*sum_components)(const DeviceQueue *, int nnode, const double weight[], int nv, const double *const v[],
-                        const double factor[], double partial[], double out[]);
   /* out [1] = largest of weight (NULL: 1) |v - shift[i % 3]|, shift NULL: 0, on the host; no numbers do not count */
   int (*largest)(const DeviceQueue *, size_t n, const double v[], const double weight[], const double shift[3],
                  double partial[], double out[]);
@@ -272,7 +282,8 @@ struct _n_DeviceKernels {
      (on the host) */
   int (*speeds)(const DeviceQueue *, const DeviceCells *, const double frame[3], const double u[], double out[]);
 
-  DeviceBodyKernels body;
+  DeviceBalanceKernels balance; /* of momentum */
+  DeviceBodyKernels    body;
 };
 
 #define DEVICE_PARTIAL 2048

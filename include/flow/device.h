@@ -19,6 +19,13 @@ PetscErrorCode FlowDivergenceOnDevice(Flow, PetscReal factor, const PetscReal u[
 PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[], PetscReal y[]);
 /* y += factor Mp^{-1} r */
 PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal r[], PetscReal y[]);
+/* y [nnode][dim] = m x, or 1/m (inverse), by the lumped mass over the density */
+PetscErrorCode FlowScaleByMassOnDevice(Flow, const PetscReal x[], PetscReal y[]);
+PetscErrorCode FlowInvertMassOnDevice(Flow, PetscReal y[]);
+/* q [ncell][dim + 1] += the pressure factor.(x - lower corner of the domain) */
+PetscErrorCode FlowAddLinearOnDevice(Flow, const PetscReal factor[], PetscReal q[]);
+/* Of a b by entries [nnode][dim] (a NULL: of b): sums over own nodes by components, then those of sizes. Local. */
+PetscErrorCode FlowSumProductsOnDevice(Flow, const PetscReal a[], const PetscReal b[], PetscReal sum[6]);
 
 /* ---- fields that stay there ---- */
 
@@ -27,12 +34,22 @@ PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal 
 PetscBool FlowStaysOnDevice(Flow);
 /* They never do from now on */
 PetscErrorCode FlowLeaveDevice(Flow);
-/* Right-hand side; start value, then solution of the step, borrowed until FlowAcceptStep; dp as for FlowExtrapolate */
+/* Right-hand side; velocity of the step before; start value, then solution of the step, borrowed until FlowAcceptStep;
+   dp as for FlowExtrapolate */
 typedef struct {
-  const PetscReal *rhs, *dp;
-  PetscReal       *u, *p;
+  const PetscReal *rhs, *before;
+  PetscReal       *u, *p, *dp;
 } FlowDeviceStep;
 PetscErrorCode FlowGetStepOnDevice(Flow, FlowDeviceStep *);
+/* The right-hand side += factor v [nnode][dim] */
+PetscErrorCode FlowAddRhsOnDevice(Flow, PetscReal factor, const PetscReal v[]);
+/* Rows row[k], each once, of nodal (size dim) or cell arrays (dim + 1) there and of the host: fetched, sent, added */
+PetscErrorCode FlowFetchRows(Flow, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal there[],
+                             PetscReal here[]);
+PetscErrorCode FlowSendRows(Flow, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[],
+                            PetscReal there[]);
+PetscErrorCode FlowAddRows(Flow, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[],
+                           PetscReal there[]);
 /* Largest component of u^n - frame, a number on the host */
 PetscErrorCode FlowGetSpeedOnDevice(Flow, const PetscReal frame[3], PetscReal *speed);
 /* The step's solution to arrays u [nnode_all][dim], p of the host, unless they have it, or always had */

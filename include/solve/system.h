@@ -88,6 +88,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
    this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
    (conserve.c). Zero where the solve failed or a mean velocity is held, and for steady flows. Collective. */
 PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver, PetscReal load[], PetscReal rigid[]);
+/* The same, load in the memory of a device (flow/device.h). Collective. */
+PetscErrorCode FlowSolverGetImpulseOnDevice(FlowSolver, PetscReal load[], PetscReal rigid[]);
 /* The residual is carried in every step, so that errors do not add up, and steps may end accordingly (stop.c).
    Local. */
 PetscErrorCode FlowSolverSetCarry(FlowSolver, PetscBool);

@@ -348,8 +348,8 @@ static void try_sums(void)
   TRY("two dots", 24 * 8 * 2, 2, out, dout, (*cpu.run->dot)(&cpu, m, a, b, b, b, partial, out),
       (*queue.run->dot)(&queue, m, da, db, db, db, dpartial, dout));
   TRY("sums of components", 24 * 8 * 2, 3, out, dout,
-      (*cpu.run->sum_components)(&cpu, nn, NULL, 2, hv, factor, partial, out),
-      (*queue.run->sum_components)(&queue, nn, NULL, 2, dv, factor, dpartial, dout));
+      (*cpu.run->balance.sum_components)(&cpu, nn, NULL, 2, hv, factor, partial, out),
+      (*queue.run->balance.sum_components)(&queue, nn, NULL, 2, dv, factor, dpartial, dout));
   TRY("largest entry", 24 * 8 * 2, 1, out, dout, (*cpu.run->largest)(&cpu, m, a, NULL, shift, partial, out),
       (*queue.run->largest)(&queue, m, da, NULL, shift, dpartial, dout));
   TRY("combination of two vectors", 24 * 8 * 3, m, y, dy, (*cpu.run->combine)(&cpu, m, 2, hv, factor, shift, y),

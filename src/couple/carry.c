@@ -5,6 +5,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"
+#include "flow/device.h"
 
 #define SURE 3 /* steps before the residual of the last one says something */
 
@@ -12,6 +13,8 @@ struct _p_Carry {
   /* momentum of the last step [nnode_all][dim], and of the bodies' own inertia [n][nr]; that of this one,
      [nnode][dim] and [n][nr]. nodes NULL: nothing is carried. */
   PetscReal *nodes, *nodes_next, *U, *U_next;
+  PetscReal *there, *there_next; /* nodes and nodes_next of steps whose fields stay on a device, there; NULL so far */
+  PetscBool  is_there;           /* the last step's */
   /* left: of FlowSolverGetLeft in the last step; steps so far; those whose residual was dropped, since a new mesh
      followed or it was too large. Reals alone: they are visited as an array. */
   struct {
@@ -35,6 +38,28 @@ static void add_to_bodies(Couple c, const struct _p_Carry *y, PetscReal factor)
   for (PetscInt i = 0; i < c->s->n * c->nr; i++) c->rigid.g[i] += factor * y->U[i];
 }
 
+static size_t node_bytes(Couple c)
+{
+  return (size_t)(c->loc->nnode * c->loc->dim) * sizeof(PetscReal);
+}
+
+/* The last step's momentum goes to where this step's fields are */
+static PetscErrorCode place_momentum(Couple c, Carry y, PetscBool there)
+{
+  const DeviceQueue *q = FlowGetQueue(c->flow);
+
+  PetscFunctionBeginUser;
+  if (y->is_there == there) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!y->there) {
+    PetscCall(DeviceTake(q, c->loc->nnode * c->loc->dim, NULL, &y->there));
+    PetscCall(DeviceTake(q, c->loc->nnode * c->loc->dim, NULL, &y->there_next));
+  }
+  if (there) PetscCallDevice(q, (*q->run->upload)(q, node_bytes(c), y->nodes, y->there));
+  else PetscCallDevice(q, (*q->run->download)(q, node_bytes(c), y->there, y->nodes));
+  y->is_there = there;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Into the right-hand sides; how much to expect */
 static PetscErrorCode add_residual(Couple c, void *data)
 {
@@ -43,7 +68,10 @@ static PetscErrorCode add_residual(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverSetBefore(c->solver, y->residue.steps >= SURE ? y->residue.left : 0));
   if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) c->field.rhs[i] += c->step->ct * y->nodes[i];
+  PetscCall(place_momentum(c, y, FlowStaysOnDevice(c->flow)));
+  if (y->is_there) PetscCall(FlowAddRhsOnDevice(c->flow, c->step->ct, y->there));
+  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim && !y->is_there; i++)
+    c->field.rhs[i] += c->step->ct * y->nodes[i];
   add_to_bodies(c, y, c->step->ct);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -55,17 +83,22 @@ static PetscErrorCode find_residual(Couple c, void *data)
   PetscFunctionBeginUser;
   if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   add_to_bodies(c, y, -c->step->ct);
-  PetscCall(FlowSolverGetResidualImpulse(c->solver, y->nodes_next, y->U_next));
+  if (FlowStaysOnDevice(c->flow)) PetscCall(FlowSolverGetImpulseOnDevice(c->solver, y->there_next, y->U_next));
+  else PetscCall(FlowSolverGetResidualImpulse(c->solver, y->nodes_next, y->U_next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode accept_residual(Couple c, void *data)
 {
-  Carry     y = (Carry)data;
-  PetscBool solved;
+  Carry      y    = (Carry)data;
+  PetscReal *swap = y->there;
+  PetscBool  solved;
 
   PetscFunctionBeginUser;
-  if (y->nodes) PetscCall(PetscArraycpy(y->nodes, y->nodes_next, c->loc->nnode * c->loc->dim));
+  if (y->is_there) {
+    y->there      = y->there_next;
+    y->there_next = swap;
+  } else if (y->nodes) PetscCall(PetscArraycpy(y->nodes, y->nodes_next, c->loc->nnode * c->loc->dim));
   if (y->nodes) PetscCall(PetscArraycpy(y->U, y->U_next, c->s->n * c->nr));
   PetscCall(FlowSolverGetLeft(c->solver, &y->residue.left, &solved));
   y->residue.steps++;
@@ -88,7 +121,9 @@ static PetscErrorCode discard(Couple c, void *data)
   Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
-  (void)c;
+  PetscCall(DeviceFree(FlowGetQueue(c->flow), &y->there));
+  PetscCall(DeviceFree(FlowGetQueue(c->flow), &y->there_next));
+  y->is_there = PETSC_FALSE;
   PetscCall(PetscFree2(y->nodes, y->nodes_next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -120,6 +155,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   PetscCall(StateHas(state, "residue", &has));
   if (has) PetscCall(StateReals(state, "residue", 4, &y->residue.left));
   PetscCall(StateHas(state, "momentum_owed", &has));
+  if (y->nodes && has) PetscCall(place_momentum(c, y, PETSC_FALSE));
   if (y->nodes && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, y->nodes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -261,6 +261,17 @@ static PetscErrorCode remark_small_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Fields do not stay on a device where somebody reads all of them in every step */
+static PetscErrorCode leave_device(Couple c)
+{
+  PetscBool leaves = (PetscBool)(c->slip || (c->s->nall && (c->scalars || c->force_form == FORCE_VOLUME)));
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) leaves = (PetscBool)(leaves || c->s->group[g].body_fitted);
+  if (leaves && FlowGetQueue(c->flow)) PetscCall(FlowLeaveDevice(c->flow));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -287,6 +298,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(remark_small_bodies(c));
   PetscCall(CoupleCreateSystem(c));
   PetscCall(CoupleAddParticipants(c));
+  PetscCall(leave_device(c));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,6 +4,7 @@
 #include "bodies/local.h"
 #include "base/algebra.h"
 #include "bodies/mass.h"
+#include "flow/device.h"
 
 enum {
   EVERY  = -1,
@@ -39,6 +40,90 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
         for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
     }
   }
+  if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
+  PetscCall(BodiesSumLocal(c->bodies, nr, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is a velocity of body k prescribed? */
+static PetscBool is_prescribed(Couple c, PetscInt k)
+{
+  return (PetscBool)(c->rigid.unknown[k] != (1 << c->nr) - 1);
+}
+
+/* Nodes of such bodies in touched cells: the cells [n], and as points of these (FlowListCreate) [cells n][nb] */
+static PetscErrorCode list_points(Couple c, PetscInt *ncell, PetscInt cell[], PetscInt *npoint, PetscInt point[])
+{
+  const PetscInt *body, *touched, nb = c->loc->nb;
+  PetscInt        ntouched;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(IndicatorGetCells(c->indicator, &ntouched, &touched));
+  *ncell = *npoint = 0;
+  for (PetscInt t = 0; t < ntouched; t++) {
+    const PetscInt before = *npoint;
+
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt k = body[c->loc->cell_node[touched[t] * nb + j]];
+
+      if (k >= 0 && is_prescribed(c, k)) point[(*npoint)++] = *ncell * nb + j;
+    }
+    if (*npoint > before) cell[(*ncell)++] = touched[t];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* u of a device at the nodes that a penalty ties to such bodies */
+static PetscErrorCode fetch_entries(Couple c)
+{
+  const PenaltyTerm *s = c->method.terms;
+  FlowDeviceStep     step;
+  PetscInt           n = 0, *node;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(s->n, &node));
+  for (PetscInt e = 0; e < s->n; e++)
+    if (is_prescribed(c, s->body[e])) node[n++] = s->node[e];
+  PetscCall(FlowGetStepOnDevice(c->flow, &step));
+  PetscCall(FlowFetchRows(c->flow, n, c->loc->dim, node, step.u, c->field.u));
+  PetscCall(PetscFree(node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* sum_residuals where fields stay on a device, of bodies with a prescribed velocity: what others have is not asked for
+   */
+static PetscErrorCode sum_residuals_on_device(Couple c, PetscReal out[])
+{
+  const PetscInt *body, nr = c->nr, dim = c->loc->dim, nb = c->loc->nb;
+  PetscInt        ntouched, ncell = 0, npoint = 0, *cell, *point;
+  PetscReal      *r;
+  FlowDeviceList  list = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(IndicatorGetCells(c->indicator, &ntouched, NULL));
+  PetscCall(PetscArrayzero(out, c->s->n * nr));
+  PetscCall(PetscMalloc2(ntouched, &cell, ntouched * nb, &point));
+  PetscCall(list_points(c, &ncell, cell, &npoint, point));
+  PetscCall(PetscMalloc1(npoint * dim, &r));
+  if (ncell > 0) {
+    PetscCall(FlowListCreate(c->flow, 0, NULL, ncell, cell, npoint, point, &list));
+    PetscCall(FlowListTake(c->flow, list, c->field.u, c->field.p, r));
+    PetscCall(FlowListDestroy(c->flow, &list));
+  }
+  for (PetscInt i = 0; i < npoint; i++) {
+    const PetscInt node = c->loc->cell_node[cell[point[i] / nb] * nb + point[i] % nb], k = body[node];
+    PetscReal      R[18];
+
+    PetscCall(ConstraintRigidMap(c->constraint, node, k, R));
+    for (PetscInt s = 0; s < nr; s++)
+      for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[i * dim + a];
+  }
+  PetscCall(PetscFree(r));
+  PetscCall(PetscFree2(cell, point));
+  PetscCall(fetch_entries(c));
   if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
   PetscCall(BodiesSumLocal(c->bodies, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -205,14 +290,14 @@ PetscErrorCode CoupleForceOnBodies(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
-  for (PetscInt k = 0; k < c->s->n; k++)
-    prescribed = (PetscBool)(prescribed || c->rigid.unknown[k] != (1 << c->nr) - 1);
+  for (PetscInt k = 0; k < c->s->n; k++) prescribed = (PetscBool)(prescribed || is_prescribed(c, k));
   PetscCall(BodiesAny(c->bodies, &prescribed));
   if (c->force_form == FORCE_VOLUME) {
     PetscCall(integrate_stress(c, EVERY, force, torque));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (prescribed) PetscCall(sum_residuals(c, c->rigid.residual));
+  if (prescribed && FlowStaysOnDevice(c->flow)) PetscCall(sum_residuals_on_device(c, c->rigid.residual));
+  else if (prescribed) PetscCall(sum_residuals(c, c->rigid.residual));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal f[6];
 
@@ -229,6 +314,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
   PetscReal(*f)[3], (*torque)[3], slots[6], out[15] = {0}; /* of the owner */
 
   PetscFunctionBeginUser;
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(PetscMalloc2(c->s->n, &f, c->s->n, &torque));
   PetscCall(integrate_stress(c, local >= 0 ? local : NOBODY, f, torque));
   PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, f, torque));

@@ -4,6 +4,7 @@
 #include "impl.h"
 #include "base/log.h"
 #include "penalty.h"
+#include "flow/device.h"
 
 static PetscErrorCode create_penalty(Couple c, void **method)
 {
@@ -37,7 +38,16 @@ static PetscErrorCode stiffen_penalty(void *method, PetscBool *changed)
 
 static PetscErrorCode add_force(Couple c, void *method, const unsigned char fixed[], PetscReal out[3])
 {
+  FlowDeviceStep step;
+  PetscInt       n, *node;
+
   PetscFunctionBeginUser;
+  if (FlowStaysOnDevice(c->flow)) {
+    PetscCall(PenaltyListPrescribed((Penalty)method, fixed, &n, &node));
+    PetscCall(FlowGetStepOnDevice(c->flow, &step));
+    PetscCall(FlowFetchRows(c->flow, n, c->loc->dim, node, step.u, c->field.u));
+    PetscCall(PetscFree(node));
+  }
   PetscCall(PenaltyAddPrescribed((Penalty)method, fixed, c->field.u, c->rigid.U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

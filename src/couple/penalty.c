@@ -338,6 +338,32 @@ PetscErrorCode PenaltyGetTerm(Penalty p, const PenaltyTerm **penalty_term)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does term t act on components that are fixed? */
+static PetscBool meets_fixed(const struct _p_Penalty *p, PetscInt t, const unsigned char fixed[])
+{
+  const PetscInt *node = p->loc->cell_node + p->term_cell[t] * p->loc->nb;
+  PetscInt        any  = 0;
+
+  for (PetscInt j = 0; j < p->loc->nb; j++) any |= fixed[node[j]];
+  return (PetscBool)(any && p->term_cell[t] < p->loc->ncell);
+}
+
+PetscErrorCode PenaltyListPrescribed(Penalty p, const unsigned char fixed[], PetscInt *n, PetscInt *node[])
+{
+  const PetscInt nb = p->loc->nb;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  for (PetscInt t = 0; t < p->nterm; t++) *n += meets_fixed(p, t, fixed) ? nb : 0;
+  PetscCall(PetscMalloc1(*n, node));
+  *n = 0;
+  for (PetscInt t = 0; t < p->nterm; t++)
+    for (PetscInt j = 0; j < nb && meets_fixed(p, t, fixed); j++)
+      (*node)[(*n)++] = p->loc->cell_node[p->term_cell[t] * nb + j];
+  PetscCall(PetscSortRemoveDupsInt(n, *node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], const PetscReal u[], const PetscReal U[],
                                     PetscReal out[3])
 {
@@ -349,10 +375,8 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
     const PetscInt  *node = l->cell_node + p->term_cell[t] * nb, k = p->term_body[t];
     const PetscReal *pen = p->term + t * nb * nb;
     PetscReal        slip[MESH_MAX_NB * 3];
-    PetscInt         any = 0;
 
-    for (PetscInt j = 0; j < nb; j++) any |= fixed[node[j]];
-    if (!any || p->term_cell[t] >= l->ncell) continue;
+    if (!meets_fixed(p, t, fixed)) continue;
     for (PetscInt j = 0; j < nb; j++) {
       PetscReal R[18];
 

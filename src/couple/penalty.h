@@ -36,6 +36,8 @@ PetscErrorCode PenaltyGetTerm(Penalty, const PenaltyTerm **);
    rigid velocities. Local. */
 PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const PetscReal u[], const PetscReal U[],
                                     PetscReal out[3]);
+/* Nodes whose u it reads, ascending, to be freed. Local. */
+PetscErrorCode PenaltyListPrescribed(Penalty, const unsigned char fixed[], PetscInt *n, PetscInt *node[]);
 
 /* Bodies whose surface moves beside the rigid motion: the penalty holds cut cells at R U + s, s(ctx, k, node, v
    [dim]) of body k as continued to a node, for those whose group has slip. With Pen of the last PenaltyUpdateGeometry

@@ -8,29 +8,37 @@
    has come to. Only start values depend on this, which then lie so near that one iteration may do
    (runs/studies/flow-solver, "One iteration").
 
-   Cells of other ranks are known in one layer: a body that goes farther than that in a step takes the value of the
-   nearest known cell there. Where the mesh follows bodies itself (-mesh_deform) fields go along anyway; where a method
-   moves nodes onto bodies, cells inside are no part of the fluid, and velocities meet the surface. */
+   Cells of other ranks are known in one layer: a body that goes farther in a step takes the value of the nearest known
+   cell. Where the mesh follows bodies (-mesh_deform) fields go along anyway; where a method moves nodes onto bodies,
+   cells inside are no part of the fluid, and velocities meet the surface. */
 #include "compat.h"
 #include "impl.h"
+#include "nearcell.h"
 #include "base/algebra.h"
 #include "base/array.h"
 #include "bodies/local.h"
 #include "fem/element.h"
+#include "flow/device.h"
 
 #define DEPTH  0.5 /* cells that a centre is inside of a body whose pressure is not believed */
 #define LAYERS 4   /* of such cells; a body does not go farther in a step */
 #define NEAR   1.0 /* cells from the surface within which velocities go along, and where none does any more */
 #define FAR    1.5
 #define MAX_XI 1.2 /* reference coordinates at which a cell is asked for velocities */
-#define BOX    1e-6
 #define CHUNK  256
 
-/* A cell near a body, and the place that it was at before, seen from the body */
+/* A cell near a body, the place that it was at before, seen from the body, and the cell there */
 typedef struct {
-  PetscInt  cell, body;
+  PetscInt  cell, body, from;
   PetscReal weight, position[3];
 } Rider;
+
+/* A node close to the surface of a body, the cell and the place in it that it was at before, and by how much its
+   velocity becomes that of there; P: reference point of the body */
+typedef struct {
+  PetscInt  node, body, from;
+  PetscReal weight, xi[3], P[3];
+} Passenger;
 
 typedef struct {
   Couple           c;
@@ -43,15 +51,12 @@ typedef struct {
   PetscReal       *mean;                  /* [nlist] */
   PetscInt         nrider, capacity, *at; /* at [ncell]: rider of a cell, or -1 */
   Rider           *rider;
+  PetscInt         npassenger, room;
+  Passenger       *passenger;
   PetscReal       *u, *best;        /* start velocity; [nnode] largest weight so far */
   const PetscReal *before;          /* velocity of the last step */
   PetscReal        Q[9], change[6]; /* of the body visited: how its vectors turn back; of its rigid velocity */
 } Start;
-
-static inline const PetscReal *centre_of(const MeshLocal *l, PetscInt e)
-{
-  return l->x + l->cell_node[e * l->nb + l->nb / 2] * l->dim;
-}
 
 /* Does body k go somewhere in this step? */
 static PetscBool goes(Couple c, PetscInt k)
@@ -202,11 +207,7 @@ static PetscErrorCode fill_layer(Start *s)
 
 static PetscErrorCode fill(Start *s, PetscReal dp[])
 {
-  Couple c = s->c;
-
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < c->s->n; k++)
-    if (goes(c, k)) PetscCall(visit_nodes(s, k, PETSC_FALSE, 0, PETSC_TRUE, open_cell));
   for (PetscInt i = 0; i < s->nlist; i++) PetscCall(PetscArrayzero(dp + s->list[i] * s->nk, s->nk));
   PetscCall(sync_cells(s));
   PetscCall(PetscMalloc1(s->nlist, &s->mean));
@@ -214,99 +215,6 @@ static PetscErrorCode fill(Start *s, PetscReal dp[])
     PetscCall(fill_layer(s));
     PetscCall(sync_cells(s));
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- the cell at a place ---- */
-
-/* How far place y is from the middle of cell e, 1: on its edge */
-static PetscReal measure(const Start *s, PetscInt e, const PetscReal y[])
-{
-  const MeshLocal *l    = s->l;
-  const PetscInt  *node = l->cell_node + e * l->nb;
-  const PetscReal *x = centre_of(l, e), *a = l->x + node[0] * l->dim, *b = l->x + node[l->nb - 1] * l->dim;
-  PetscReal        max = 0;
-
-  for (PetscInt d = 0; d < l->dim; d++) {
-    const PetscReal extent = PetscAbsReal(MeshNearest(l, d, b[d] - a[d])),
-                    side   = MeshCellHang(l, e) || extent < 0.3 * s->h[e] ? s->h[e] : extent;
-
-    max = PetscMax(max, 2 * PetscAbsReal(MeshNearest(l, d, y[d] - x[d])) / side);
-  }
-  return max;
-}
-
-/* Node in the slot at corner v of cell e */
-static inline PetscInt corner_of(const MeshLocal *l, PetscInt e, PetscInt v)
-{
-  return l->cell_node[e * l->nb + 2 * (v & 1) + 6 * ((v >> 1) & 1) + 18 * (v >> 2)];
-}
-
-/* The node among the corners of cell e that is nearest to y */
-static PetscInt nearest_corner(const MeshLocal *l, PetscInt e, const PetscReal y[])
-{
-  PetscReal best = PETSC_MAX_REAL;
-  PetscInt  node = -1;
-
-  for (PetscInt v = 0; v < (1 << l->dim); v++) {
-    const PetscInt i = corner_of(l, e, v);
-    PetscReal      r = 0;
-
-    for (PetscInt d = 0; d < l->dim; d++) r += PetscSqr(MeshNearest(l, d, y[d] - l->x[i * l->dim + d]));
-    if (r < best) node = i;
-    best = PetscMin(best, r);
-  }
-  return node;
-}
-
-/* The cell, known here, that place y is in or nearest to, from a cell close to it: across the corner nearest to y,
-   again and again */
-static PetscInt find_cell(const Start *s, PetscInt e, const PetscReal y[])
-{
-  const MeshLocal *l    = s->l;
-  PetscReal        max  = measure(s, e, y);
-  PetscInt         last = -1;
-
-  while (max > 1 + 1e-9 && last != e) {
-    const PetscInt i = nearest_corner(l, e, y);
-
-    last = e;
-    for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-      const PetscReal there = l->node_cell[m] == last ? max : measure(s, l->node_cell[m], y);
-
-      if (there < max) e = l->node_cell[m];
-      max = PetscMin(max, there);
-    }
-  }
-  return e;
-}
-
-/* Reference coordinates of y in cell e, by the middle where the cell is a box along the axes */
-static PetscErrorCode locate(const Start *s, PetscInt e, const PetscReal y[], PetscReal xi[3], PetscBool *found)
-{
-  const MeshLocal *l = s->l;
-  const PetscReal *x = centre_of(l, e), *a = l->x + corner_of(l, e, 0) * l->dim;
-  PetscBool        box = (PetscBool)!MeshCellHang(l, e);
-  PetscReal        xc[MESH_MAX_NB * 3], at[3] = {0, 0, 0};
-
-  PetscFunctionBeginUser;
-  *found = PETSC_TRUE;
-  for (PetscInt axis = 0; axis < l->dim && box; axis++) {
-    const PetscReal *b = l->x + corner_of(l, e, 1 << axis) * l->dim;
-
-    for (PetscInt d = 0; d < l->dim && box; d++) {
-      const PetscReal side = MeshNearest(l, d, b[d] - a[d]);
-
-      if (d == axis) {
-        xi[d] = 2 * MeshNearest(l, d, y[d] - x[d]) / side;
-        box   = (PetscBool)(side > 0 && PetscAbsReal(MeshNearest(l, d, x[d] - a[d]) - 0.5 * side) < BOX * side);
-      } else box = (PetscBool)(PetscAbsReal(side) < BOX * s->h[e]);
-    }
-  }
-  if (box) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshCellCoordinates(s->c->mesh, e, xc));
-  for (PetscInt d = 0; d < l->dim; d++) at[d] = xc[l->nb / 2 * l->dim + d] + MeshNearest(l, d, y[d] - x[d]);
-  *found = ElementLocate(l->dim, xc, at, xi);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -326,59 +234,96 @@ static PetscErrorCode mount(Start *s, PetscInt k, PetscInt node, PetscReal d, co
     s->at[e] = s->nrider++;
   }
   r  = s->rider + s->at[e];
-  *r = (Rider){e, k, weight, {0, 0, 0}};
+  *r = (Rider){e, k, -1, weight, {0, 0, 0}};
   find_position(s, k, node, shift, r->position);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Velocity of own node i: that of where it was, seen from body k, and what the body's own changes by */
-static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, const PetscReal shift[3])
+/* Own node i close to body k, if the cell that it was in is known */
+static PetscErrorCode take_node(Start *s, PetscInt k, PetscInt i, PetscReal d, const PetscReal shift[3])
 {
-  const MeshLocal *l   = s->l;
-  const PetscInt   dim = l->dim, nr = s->c->nr;
+  const MeshLocal *l      = s->l;
   const PetscReal  weight = PetscMin(1, 1 - (d / l->h - NEAR) / (FAR - NEAR));
-  PetscReal        position[3], P[3], xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18],
-    out[3] = {0, 0, 0};
-  PetscInt  e;
-  PetscBool found;
+  Passenger        p      = {.node = i, .body = k};
+  PetscReal        position[3];
+  PetscBool        found;
 
   PetscFunctionBeginUser;
   if (i >= l->nnode || d < -FAR * l->h || weight <= s->best[i]) PetscFunctionReturn(PETSC_SUCCESS);
   find_position(s, k, i, shift, position);
-  e = find_cell(s, l->node_cell[l->node_cell_ptr[i]], position);
-  PetscCall(locate(s, e, position, xi, &found));
-  for (PetscInt a = 0; a < dim; a++) found = (PetscBool)(found && PetscAbsReal(xi[a]) <= MAX_XI);
+  p.from = NearCellFind(s->l, s->h, l->node_cell[l->node_cell_ptr[i]], position);
+  PetscCall(NearCellLocate(s->c->mesh, l, s->h, p.from, position, p.xi, &found));
+  for (PetscInt a = 0; a < l->dim; a++) found = (PetscBool)(found && PetscAbsReal(p.xi[a]) <= MAX_XI);
   if (!found) PetscFunctionReturn(PETSC_SUCCESS); /* of a rank farther away, or no cell at all */
-  ElementBasis(dim, xi, phi, dphi);
-  for (PetscInt j = 0; j < l->nb; j++)
-    PetscCall(PetscArraycpy(v + j * dim, s->before + l->cell_node[e * l->nb + j] * dim, dim));
-  MeshCellGather(l, e, dim, v);
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < dim; a++) out[a] += phi[j] * v[j * dim + a];
-  for (PetscInt a = 0; a < 3; a++) P[a] = s->c->rigid.P[k][a] + shift[a];
-  ConstraintRigidAt(l, i, P, R);
-  for (PetscInt a = 0; a < dim; a++) {
-    for (PetscInt m = 0; m < nr; m++) out[a] += R[a * nr + m] * s->change[m];
-    s->u[i * dim + a] += (weight - s->best[i]) / (1 - s->best[i]) * (out[a] - s->u[i * dim + a]);
-  }
-  s->best[i] = weight;
+  p.weight = (weight - s->best[i]) / (1 - s->best[i]);
+  for (PetscInt a = 0; a < 3; a++) p.P[a] = s->c->rigid.P[k][a] + shift[a];
+  PetscCall(ArrayReserve(s->npassenger + 1, &s->room, &s->passenger, sizeof(*s->passenger), NULL));
+  s->passenger[s->npassenger++] = p;
+  s->best[i]                    = weight;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_out(Start *s, PetscInt k)
+/* Cells and nodes that go with bodies, and cells that were inside of them */
+static PetscErrorCode set_out(Start *s)
 {
-  PetscReal now, old;
+  Couple          c       = s->c;
+  const PetscBool aligned = c->method.table->moves_nodes;
 
   PetscFunctionBeginUser;
-  turn_back(s->c, k, s->Q);
-  for (PetscInt m = 0; m < s->c->nr; m++) {
-    CoupleGetHistory(s->c, k, m, &now, &old);
-    s->change[m] = s->c->rigid.U[k * s->c->nr + m] - now;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal reach = PetscMax(BodiesGetRadius(c->s, k), s->l->h) + 2 * s->l->h;
+
+    if (!goes(c, k)) continue;
+    turn_back(c, k, s->Q);
+    PetscCall(visit_nodes(s, k, PETSC_TRUE, reach, PETSC_TRUE, mount));
+    if (aligned) continue;
+    PetscCall(visit_nodes(s, k, PETSC_FALSE, 0, PETSC_TRUE, open_cell));
+    PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, take_node));
   }
-  PetscCall(
-    visit_nodes(s, k, PETSC_TRUE, PetscMax(BodiesGetRadius(s->c->s, k), s->l->h) + 2 * s->l->h, PETSC_TRUE, mount));
-  if (!s->c->method.table->moves_nodes)
-    PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
+  for (PetscInt i = 0; i < s->nrider; i++)
+    s->rider[i].from = NearCellFind(s->l, s->h, s->rider[i].cell, s->rider[i].position);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Its velocity: that of where it was, and what the body's own changes by */
+static PetscErrorCode carry(Start *s, const Passenger *p)
+{
+  const MeshLocal *l   = s->l;
+  const PetscInt   dim = l->dim, nr = s->c->nr, i = p->node;
+  PetscReal        phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18], out[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  ElementBasis(dim, p->xi, phi, dphi);
+  for (PetscInt j = 0; j < l->nb; j++)
+    PetscCall(PetscArraycpy(v + j * dim, s->before + l->cell_node[p->from * l->nb + j] * dim, dim));
+  MeshCellGather(l, p->from, dim, v);
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < dim; a++) out[a] += phi[j] * v[j * dim + a];
+  ConstraintRigidAt(l, i, p->P, R);
+  for (PetscInt a = 0; a < dim; a++) {
+    for (PetscInt m = 0; m < nr; m++) out[a] += R[a * nr + m] * s->change[m];
+    s->u[i * dim + a] += p->weight * (out[a] - s->u[i * dim + a]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry_all(Start *s)
+{
+  PetscReal now, old;
+  PetscInt  body = -1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->npassenger; i++) {
+    const Passenger *p = s->passenger + i;
+
+    for (PetscInt m = 0; m < s->c->nr && p->body != body; m++) {
+      CoupleGetHistory(s->c, p->body, m, &now, &old);
+      s->change[m] = s->c->rigid.U[p->body * s->c->nr + m] - now;
+    }
+    body = p->body;
+    PetscCall(carry(s, p));
+  }
+  if (!s->c->method.table->moves_nodes) PetscCall(MeshSyncNodes(s->c->mesh, s->l->dim, s->u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -388,12 +333,10 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
   PetscInt         body = -1;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->c->s->n; k++)
-    if (goes(s->c, k)) PetscCall(set_out(s, k));
   for (PetscInt i = 0; i < s->nrider; i++) {
     const Rider     *r = s->rider + i;
-    const PetscInt   e = r->cell, o = find_cell(s, e, r->position);
-    const PetscReal *x = centre_of(l, o), *was = s->p + o * s->nk;
+    const PetscInt   e = r->cell, o = r->from;
+    const PetscReal *x = NearCellMiddle(l, o), *was = s->p + o * s->nk;
     PetscReal        slope[3] = {0, 0, 0}, now[4] = {was[0]};
 
     for (PetscInt a = 0; a < l->dim; a++) {
@@ -409,7 +352,105 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
       dp[e * s->nk + a] *= 1 - r->weight;
     }
   }
-  if (!s->c->method.table->moves_nodes) PetscCall(MeshSyncNodes(s->c->mesh, l->dim, s->u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- where fields stay on a device ---- */
+
+/* What is read and what is written of them */
+typedef struct {
+  PetscInt nread, *read, nwritten, *written; /* cells, of pressures; written: of p and dp */
+  PetscInt nbefore, *before, nnode, *node;   /* nodes, of velocities */
+} Lists;
+
+/* Cells that were inside, and those around them */
+static void list_opened(const Start *s, Lists *w)
+{
+  const MeshLocal *l = s->l;
+
+  for (PetscInt i = 0; i < s->nlist; i++) {
+    w->written[w->nwritten++] = s->list[i];
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt n = l->cell_node[s->list[i] * l->nb + j];
+
+      for (PetscInt m = l->node_cell_ptr[n]; m < l->node_cell_ptr[n + 1]; m++) w->read[w->nread++] = l->node_cell[m];
+    }
+  }
+}
+
+static PetscErrorCode make_lists(const Start *s, Lists *w)
+{
+  const MeshLocal *l      = s->l;
+  PetscInt         around = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->nlist * l->nb; i++) {
+    const PetscInt n = l->cell_node[s->list[i / l->nb] * l->nb + i % l->nb];
+
+    around += l->node_cell_ptr[n + 1] - l->node_cell_ptr[n];
+  }
+  PetscCall(PetscMalloc4(around + 2 * s->nrider, &w->read, s->nlist + s->nrider, &w->written, s->npassenger * l->nb,
+                         &w->before, s->npassenger, &w->node));
+  list_opened(s, w);
+  for (PetscInt i = 0; i < s->nrider; i++) {
+    w->written[w->nwritten++] = s->rider[i].cell;
+    w->read[w->nread++]       = s->rider[i].cell;
+    w->read[w->nread++]       = s->rider[i].from;
+  }
+  for (PetscInt i = 0; i < s->npassenger; i++) {
+    w->node[w->nnode++] = s->passenger[i].node;
+    for (PetscInt j = 0; j < l->nb; j++) w->before[w->nbefore++] = l->cell_node[s->passenger[i].from * l->nb + j];
+  }
+  PetscCall(PetscSortRemoveDupsInt(&w->nread, w->read));
+  PetscCall(PetscSortRemoveDupsInt(&w->nwritten, w->written));
+  PetscCall(PetscSortRemoveDupsInt(&w->nbefore, w->before));
+  PetscCall(PetscSortRemoveDupsInt(&w->nnode, w->node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What is read comes here: p, dp, u of the start value and, for s->before, of the step before */
+static PetscErrorCode fetch(Start *s, const Lists *w, PetscReal p[], PetscReal dp[], PetscReal before[])
+{
+  const Flow     flow = s->c->flow;
+  FlowDeviceStep step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStepOnDevice(flow, &step));
+  PetscCall(FlowFetchRows(flow, w->nread, s->nk, w->read, step.p, p));
+  PetscCall(FlowFetchRows(flow, w->nwritten, s->nk, w->written, step.dp, dp));
+  PetscCall(FlowFetchRows(flow, w->nbefore, s->l->dim, w->before, step.before, before));
+  PetscCall(FlowFetchRows(flow, w->nnode, s->l->dim, w->node, step.u, s->u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode send(Start *s, Lists *w, const PetscReal p[], const PetscReal dp[])
+{
+  Flow           flow = s->c->flow;
+  FlowDeviceStep step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStepOnDevice(flow, &step));
+  PetscCall(FlowSendRows(flow, w->nwritten, s->nk, w->written, p, step.p));
+  PetscCall(FlowSendRows(flow, w->nwritten, s->nk, w->written, dp, step.dp));
+  PetscCall(FlowSendRows(flow, w->nnode, s->l->dim, w->node, s->u, step.u));
+  PetscCall(PetscFree4(w->read, w->written, w->before, w->node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- a step ---- */
+
+/* With lists of cells and nodes made: start values from those of FlowExtrapolate */
+static PetscErrorCode change_values(Start *s, PetscReal p[], PetscReal dp[])
+{
+  const MeshLocal *l = s->l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(s->p, p, l->ncell * s->nk));
+  if (!s->c->method.table->moves_nodes) PetscCall(fill(s, dp));
+  else PetscCall(sync_cells(s));
+  PetscCall(PetscArraycpy(p, s->p, l->ncell * s->nk));
+  PetscCall(carry_all(s));
+  PetscCall(ride(s, p, dp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -417,9 +458,11 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
    where no body moves. */
 static PetscErrorCode set_start_values(Couple c, void *data)
 {
-  const MeshLocal *l = c->loc;
+  const MeshLocal *l     = c->loc;
+  const PetscBool  there = FlowStaysOnDevice(c->flow);
   PetscReal       *p = c->field.p, *dp = c->field.dp, *before;
-  Start            s = {.c = c, .l = l, .nk = l->dim + 1, .u = c->field.u};
+  Start            s     = {.c = c, .l = l, .nk = l->dim + 1, .u = c->field.u};
+  Lists            lists = {0};
   PetscMPIInt      size;
   PetscBool        any = PETSC_FALSE;
 
@@ -431,22 +474,28 @@ static PetscErrorCode set_start_values(Couple c, void *data)
   PetscCallMPI(MPI_Comm_size(c->comm, &size));
   s.many = (PetscBool)(size > 1);
   PetscCall(FlowGetCellSize(c->flow, &s.h));
-  PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
-  s.before = before;
   PetscCall(PetscCalloc3(l->ncell_all * s.nk, &s.p, l->ncell_all, &s.open, l->nnode, &s.best));
   PetscCall(PetscMalloc2(l->ncell, &s.list, l->ncell, &s.at));
   if (s.many) PetscCall(PetscCalloc1(l->nnode_all * (s.nk + 1), &s.field));
   for (PetscInt e = 0; e < l->ncell; e++) s.at[e] = -1;
-  PetscCall(PetscArraycpy(s.p, p, l->ncell * s.nk));
-  if (!c->method.table->moves_nodes) PetscCall(fill(&s, dp));
-  else PetscCall(sync_cells(&s));
-  PetscCall(PetscArraycpy(p, s.p, l->ncell * s.nk));
-  PetscCall(ride(&s, p, dp));
+  PetscCall(set_out(&s));
+  if (there) {
+    PetscCall(PetscMalloc1(l->nnode_all * l->dim, &before));
+    PetscCall(make_lists(&s, &lists));
+    PetscCall(fetch(&s, &lists, p, dp, before));
+  } else PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
+  s.before = before;
+  PetscCall(change_values(&s, p, dp));
+  if (there) {
+    PetscCall(send(&s, &lists, p, dp));
+    PetscCall(PetscFree(before));
+  }
   PetscCall(PetscFree3(s.p, s.open, s.best));
   PetscCall(PetscFree2(s.list, s.at));
   PetscCall(PetscFree(s.field));
   PetscCall(PetscFree(s.mean));
   PetscCall(PetscFree(s.rider));
+  PetscCall(PetscFree(s.passenger));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

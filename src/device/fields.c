@@ -39,6 +39,53 @@ int NAME(scale)(const DeviceQueue *queue, size_t n, const double weight[], const
   return LAST_ERROR();
 }
 
+KERNEL(256, 1) scale_rows(const Big n, const double *RESTRICT weight, const double *RESTRICT x, double *y)
+{
+  EACH(i, n) y[i] = weight[i / 3] * x[i];
+}
+
+int NAME(scale_nodes)(const DeviceQueue *queue, int nnode, const double weight[], const double x[], double y[])
+{
+  LAUNCH(queue, scale_rows, BlocksFor((Big)nnode * 3), 256, (Big)nnode * 3, weight, x, y);
+  return LAST_ERROR();
+}
+
+DEV double magnitude(const double x)
+{
+  return x < 0 ? -x : x;
+}
+
+KERNEL(256, 1) write_sizes(const Big n, const double *RESTRICT x, double *y)
+{
+  EACH(i, n) y[i] = magnitude(x[i]);
+}
+
+int NAME(take_sizes)(const DeviceQueue *queue, size_t n, const double x[], double y[])
+{
+  LAUNCH(queue, write_sizes, BlocksFor((Big)n), 256, (Big)n, x, y);
+  return LAST_ERROR();
+}
+
+KERNEL(256, 1)
+add_slopes(const Big n, const double *RESTRICT place, const double f0, const double f1, const double f2, double *y)
+{
+  EACH(i, n)
+  {
+    const double *x = place + 4 * i;
+
+    y[4 * i] += f0 * x[0] + f1 * x[1] + f2 * x[2];
+    y[4 * i + 1] += f0 * x[3];
+    y[4 * i + 2] += f1 * x[3];
+    y[4 * i + 3] += f2 * x[3];
+  }
+}
+
+int NAME(add_linear)(const DeviceQueue *queue, int ncell, const double place[], const double factor[3], double y[])
+{
+  LAUNCH(queue, add_slopes, BlocksFor(ncell), 256, (Big)ncell, place, factor[0], factor[1], factor[2], y);
+  return LAST_ERROR();
+}
+
 /* ---- sums ---- */
 
 /* s [3][THREADS]: sums into the first */
@@ -100,11 +147,6 @@ int NAME(sum_components)(const DeviceQueue *queue, int nnode, const double weigh
     EACH_THREAD(t, THREADS) \
     if (t < half && (s)[t + half] > (s)[t]) (s)[t] = (s)[t + half]; \
   }
-
-DEV double magnitude(const double x)
-{
-  return x < 0 ? -x : x;
-}
 
 KERNEL(THREADS, 4)
 largest_entries(const Big n, const double *RESTRICT v, const double *RESTRICT weight, const double shift0,

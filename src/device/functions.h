@@ -18,6 +18,7 @@ const char *NAME(explain)(int);
 int NAME(set_fixed)(const DeviceQueue *, const DeviceCells *, const unsigned char[], int[]);
 int NAME(copy_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
 int NAME(set_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
+int NAME(fill_slots)(const DeviceQueue *, int, const int[], double, double[]);
 int NAME(pick)(const DeviceQueue *, int, int, const int[], const double[], double[]);
 int NAME(put)(const DeviceQueue *, int, int, const int[], const double[], double[]);
 int NAME(add)(const DeviceQueue *, int, int, const int[], const double[], double[]);
@@ -45,6 +46,9 @@ int NAME(speeds)(const DeviceQueue *, const DeviceCells *, const double[3], cons
 /* fields.c */
 int NAME(combine)(const DeviceQueue *, size_t, int, const double *const[], const double[], const double[3], double[]);
 int NAME(scale)(const DeviceQueue *, size_t, const double[], const double[], double[]);
+int NAME(scale_nodes)(const DeviceQueue *, int, const double[], const double[], double[]);
+int NAME(take_sizes)(const DeviceQueue *, size_t, const double[], double[]);
+int NAME(add_linear)(const DeviceQueue *, int, const double[], const double[3], double[]);
 int NAME(sum_components)(const DeviceQueue *, int, const double[], int, const double *const[], const double[], double[],
                          double[]);
 int NAME(largest)(const DeviceQueue *, size_t, const double[], const double[], const double[3], double[], double[]);

@@ -42,6 +42,17 @@ int NAME(set_slots)(const DeviceQueue *queue, int n, const int slot[], const dou
   return LAST_ERROR();
 }
 
+KERNEL(256, 1) fill(const int n, const int *RESTRICT slot, const double value, double *to)
+{
+  EACH(i, n) to[slot[i]] = value;
+}
+
+int NAME(fill_slots)(const DeviceQueue *queue, int n, const int slot[], double value, double to[])
+{
+  LAUNCH(queue, fill, BlocksFor(n), 256, n, slot, value, to);
+  return LAST_ERROR();
+}
+
 KERNEL(256, 1) pick_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT from, double *out)
 {
   EACH(i, (Big)n * size) out[i] = from[(Big)row[i / size] * size + i % size];

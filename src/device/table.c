@@ -26,6 +26,7 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(set_fixed),
   NAME(copy_slots),
   NAME(set_slots),
+  NAME(fill_slots),
   NAME(pick),
   NAME(put),
   NAME(add),
@@ -50,9 +51,9 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(dot),
   NAME(combine),
   NAME(scale),
-  NAME(sum_components),
   NAME(largest),
   NAME(speeds),
+  {NAME(scale_nodes), NAME(take_sizes), NAME(add_linear), NAME(sum_components)},
   {NAME(add_rigid), NAME(sum_rigid), NAME(add_blocks), NAME(sum_blocks), NAME(multiply_moments),
    NAME(add_moments_diagonal)},
 };

@@ -58,7 +58,7 @@ PetscErrorCode DeviceFieldsCreate(Flow f, OnDevice o)
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(f->comm, &size));
-  d->allowed = (PetscBool)(f->par.rate_axes == 0 && size == 1);
+  d->allowed = (PetscBool)(f->par.rate_axes == 0 && size == 1 && !o->left);
   d->here = d->w_here = PETSC_TRUE;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(nodal); i++)
     PetscCall(DeviceTake(&o->queue, DeviceNodal(f), NULL, nodal[i]));
@@ -76,9 +76,9 @@ PetscErrorCode DeviceFieldsCreate(Flow f, OnDevice o)
 PetscErrorCode DeviceFieldsDestroy(OnDevice o)
 {
   DeviceFields  *d     = &o->field;
-  double **const all[] = {&d->u,   &d->u_old,  &d->p,      &d->p_old,   &d->u_new,         &d->p_new,
-                          &d->dp,  &d->rhs,    &d->source, &d->work,    &d->cell,          &d->partial,
-                          &d->out, &d->lumped, &d->size,   &d->inverse, &d->inverse_volume};
+  double **const all[] = {&d->u,   &d->u_old,  &d->p,      &d->p_old,   &d->u_new,          &d->p_new,
+                          &d->dp,  &d->rhs,    &d->source, &d->work,    &d->cell,           &d->partial,
+                          &d->out, &d->lumped, &d->size,   &d->inverse, &d->inverse_volume, &d->centre};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(all); i++) PetscCall(DeviceFree(&o->queue, all[i]));
@@ -301,6 +301,7 @@ PetscBool FlowStaysOnDevice(Flow f)
 PetscErrorCode FlowLeaveDevice(Flow f)
 {
   PetscFunctionBeginUser;
+  f->device->left          = PETSC_TRUE;
   f->device->field.allowed = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -319,7 +320,16 @@ PetscErrorCode FlowGetStepOnDevice(Flow f, FlowDeviceStep *s)
   DeviceFields *d = &f->device->field;
 
   PetscFunctionBeginUser;
-  *s            = (FlowDeviceStep){.rhs = d->rhs, .dp = d->dp, .u = d->u_new, .p = d->p_new};
+  *s            = (FlowDeviceStep){.rhs = d->rhs, .before = d->u, .u = d->u_new, .p = d->p_new, .dp = d->dp};
   d->u_new_here = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAddRhsOnDevice(Flow f, PetscReal factor, const PetscReal v[])
+{
+  double *rhs = f->device->field.rhs;
+
+  PetscFunctionBeginUser;
+  PetscCall(combine(f->device, DeviceNodal(f), 2, (const double *[]){rhs, v}, (double[]){1, factor}, NULL, rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

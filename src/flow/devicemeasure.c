@@ -27,8 +27,8 @@ static PetscErrorCode take_sums(Flow f, const double weight[], PetscInt n, const
   const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->sum_components)(q, (int)f->loc->nnode, weight, (int)n, v, factor, o->field.partial,
-                                               o->field.out));
+  PetscCallDevice(q, (*q->run->balance.sum_components)(q, (int)f->loc->nnode, weight, (int)n, v, factor,
+                                                       o->field.partial, o->field.out));
   PetscCall(bring(o, 3, sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,5 +154,47 @@ PetscErrorCode FlowGetSpeedOnDevice(Flow f, const PetscReal frame[3], PetscReal 
   PetscFunctionBeginUser;
   PetscCall(DeviceFieldsSend(f, o));
   PetscCall(take_largest(o, DeviceNodal(f), o->field.u, NULL, frame, speed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSumProductsOnDevice(Flow f, const PetscReal a[], const PetscReal b[], PetscReal sum[6])
+{
+  const DeviceQueue *q    = &f->device->queue;
+  double            *work = f->device->field.work;
+
+  PetscFunctionBeginUser;
+  if (a) PetscCallDevice(q, (*q->run->scale)(q, DeviceNodal(f), a, b, work));
+  PetscCall(take_sums(f, NULL, 1, (const double *[]){a ? work : b}, (double[]){1}, sum));
+  PetscCallDevice(q, (*q->run->balance.take_sizes)(q, DeviceNodal(f), a ? work : b, work));
+  PetscCall(take_sums(f, NULL, 1, (const double *[]){work}, (double[]){1}, sum + 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where cells are; made when it is asked for */
+static PetscErrorCode take_centres(Flow f)
+{
+  const MeshLocal *l = f->loc;
+  PetscReal       *centre;
+
+  PetscFunctionBeginUser;
+  if (f->device->field.centre) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(l->ncell * 4, &centre));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    for (PetscInt a = 0; a < 3; a++) centre[4 * c + a] = l->x[l->cell_node[c * 27 + 13] * 3 + a] - l->lower[a];
+    centre[4 * c + 3] = f->cells.size[c];
+  }
+  PetscCall(DeviceTake(&f->device->queue, l->ncell * 4, centre, &f->device->field.centre));
+  PetscCall(PetscFree(centre));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAddLinearOnDevice(Flow f, const PetscReal factor[], PetscReal q[])
+{
+  const DeviceQueue *queue = &f->device->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(take_centres(f));
+  PetscCallDevice(queue,
+                  (*queue->run->balance.add_linear)(queue, (int)f->loc->ncell, f->device->field.centre, factor, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

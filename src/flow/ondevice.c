@@ -124,6 +124,7 @@ static PetscErrorCode destroy_on_mesh(OnDevice o)
   PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
   PetscCall(DeviceMomentsDestroy(o));
+  PetscCall(DeviceFetchDestroy(o));
   PetscCall(DeviceFree(&o->queue, &o->w));
   PetscCall(DeviceFree(&o->queue, &o->from));
   PetscCall(DeviceFree(&o->queue, &o->to));
@@ -321,5 +322,27 @@ PetscErrorCode FlowPressureMassOnDevice(Flow f, PetscReal factor, const PetscRea
 
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->add_pressure_mass)(q, &o->cells, &o->divergence, factor, r, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the lumped mass ---- */
+
+PetscErrorCode FlowScaleByMassOnDevice(Flow f, const PetscReal x[], PetscReal y[])
+{
+  const OnDevice     o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->balance.scale_nodes)(q, (int)f->loc->nnode, o->field.lumped, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowInvertMassOnDevice(Flow f, PetscReal y[])
+{
+  const OnDevice     o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->invert_diagonal)(q, (int)f->loc->nnode, 0, o->field.lumped, o->field.lumped, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -30,6 +30,8 @@ PetscErrorCode OnDeviceBring(Flow, PetscBool changed);
 PetscErrorCode OnDeviceBeginStep(Flow);
 /* w of the host is newer than that of the device from now on */
 PetscErrorCode OnDeviceForgetConvection(Flow);
+/* w of the host at n nodes, where it is on the device */
+PetscErrorCode OnDeviceFetchConvection(Flow, PetscInt n, const PetscInt node[]);
 /* What FlowExtrapolateConvection, FlowExtrapolate, FlowRhs, FlowAcceptStep do, where fields stay there */
 PetscErrorCode OnDeviceConvect(Flow);
 PetscErrorCode OnDeviceExtrapolate(Flow);

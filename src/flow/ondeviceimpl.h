@@ -16,6 +16,7 @@ typedef struct {
   double   *partial, *out;           /* of reductions: [DEVICE_PARTIAL], [4] */
   double   *lumped, *size, *inverse; /* [nnode]; squares of the cells' sizes and of their inverses, [ncell] */
   double   *inverse_volume;          /* [ncell][4] of the constant pressure, else 0 */
+  double   *centre;                  /* [ncell][4] middle, from the lower corner of the domain, and size; NULL so far */
   PetscReal volume;
 } DeviceFields;
 
@@ -25,6 +26,14 @@ typedef struct {
   PetscInt     *hang; /* [MESH_HANG_CODES] number of a way to hang; NULL: nothing hangs */
   size_t        capacity[4];
 } MomentsOnDevice;
+
+/* Rows on their way: FlowFetchRows and others */
+typedef struct {
+  const int *row;
+  double    *value;
+  size_t     capacity[2];
+  PetscReal *here; /* on the host, for as many numbers as `value` */
+} RowsOnDevice;
 
 struct _p_OnDevice {
   DeviceQueue      queue;
@@ -38,6 +47,8 @@ struct _p_OnDevice {
   size_t           capacity;    /* of those */
   MomentsOnDevice  moments;
   DeviceFields     field;
+  RowsOnDevice     rows;
+  PetscBool        left; /* FlowLeaveDevice */
 };
 
 /* Cells with the operator of a step, all or some */
@@ -59,6 +70,8 @@ PetscErrorCode DeviceSetCoefficients(OnDevice, const DeviceCells *, const double
 /* Terms of participants of the step (devicemoments.c). Local. */
 PetscErrorCode DeviceMomentsUpdate(Flow, OnDevice);
 PetscErrorCode DeviceMomentsDestroy(OnDevice);
+/* Of rows on their way (devicefetch.c). Local. */
+PetscErrorCode DeviceFetchDestroy(OnDevice);
 /* Memory of the fields, and what belongs to the cells. Local. */
 PetscErrorCode DeviceFieldsCreate(Flow, OnDevice);
 PetscErrorCode DeviceFieldsDestroy(OnDevice);

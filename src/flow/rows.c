@@ -10,6 +10,7 @@
 #include "impl.h"
 #include "base/log.h"
 #include "base/array.h"
+#include "flow/device.h"
 
 struct _p_NearRows {
   PetscBool *has_row; /* [nnode_all] own nodes, and ghost nodes of own cells */
@@ -158,6 +159,29 @@ static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* w at the nodes of these cells, where it is on a device */
+static PetscErrorCode fetch_convection(Flow f, const struct _p_NearRows *r)
+{
+  const MeshLocal *l = f->loc;
+  PetscInt         n = 0, *node;
+  PetscBool       *listed;
+
+  PetscFunctionBeginUser;
+  if (!FlowStaysOnDevice(f) || !f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(l->nnode_all, &listed));
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
+    if (r->wanting[e / l->nb] > 0) listed[l->cell_node[e]] = PETSC_TRUE;
+  for (PetscInt i = 0; i < l->nnode_all; i++) n += listed[i];
+  PetscCall(PetscMalloc1(n, &node));
+  n = 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    if (listed[i]) node[n++] = i;
+  PetscCall(OnDeviceFetchConvection(f, n, node));
+  PetscCall(PetscFree(node));
+  PetscCall(PetscFree(listed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowGatherRows(Flow f, const PetscBool marked[], Rows *rows)
 {
   const MeshLocal    *l = f->loc;
@@ -168,6 +192,7 @@ PetscErrorCode FlowGatherRows(Flow f, const PetscBool marked[], Rows *rows)
   if (!f->matrix.near_rows) PetscCall(create(f));
   r = f->matrix.near_rows;
   PetscCall(choose_cells(f, r, marked));
+  PetscCall(fetch_convection(f, r));
   for (PetscInt i = 0; i < l->nnode_all; i++) r->at[i] = -1;
   r->n = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) {

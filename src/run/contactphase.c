@@ -3,6 +3,7 @@
 #include "contactphase.h"
 #include "base/algebra.h"
 #include "contact/bonds.h"
+#include "flow/device.h"
 
 #define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
@@ -40,13 +41,15 @@ static PetscErrorCode bound_flow_load(const SimComponents *sim, PetscReal dt, Pe
 {
   const FlowParameters *par;
   const MeshLocal      *l;
-  PetscReal            *u, speed = 0;
+  const PetscReal       still[3] = {0, 0, 0};
+  PetscReal            *u = NULL, speed = 0;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(sim->flow, &par));
-  PetscCall(FlowGetFields(sim->flow, &u, NULL, NULL));
   PetscCall(MeshGetLocal(sim->mesh, &l));
-  for (PetscInt i = 0; i < l->nnode * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  if (FlowStaysOnDevice(sim->flow)) PetscCall(FlowGetSpeedOnDevice(sim->flow, still, &speed));
+  else PetscCall(FlowGetFields(sim->flow, &u, NULL, NULL));
+  for (PetscInt i = 0; i < l->nnode * l->dim && u; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, sim->comm));
   *bound = FLOW_PRESSES * speed * (1 / dt + (speed + par->viscosity / (par->density * l->h)) / l->h);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -5,6 +5,7 @@
 #include "cellrelax.h"
 #include "base/algebra.h"
 #include "base/array.h"
+#include "flow/device.h"
 #include <petscblaslapack.h>
 
 #define MAX_NB MESH_MAX_NB
@@ -28,9 +29,10 @@ struct _p_CellRelax {
   PetscReal       *T;       /* [n][nk][nk] inverse */
   PetscInt        *free;    /* [nnode_all] bits of the components that are free */
   PetscReal       *average; /* [nnode_all] 1 / number of relaxed cells at the node, 0 if there is none */
-  PetscReal       *e, *v;   /* [nnode_all][dim] work */
+  PetscReal       *e, *v;   /* [nnode_all][dim] work; v is zero in between */
   PetscInt         nrelaxed_node, *relaxed_node; /* own nodes of relaxed cells, of any rank */
   PetscInt         total;                        /* relaxed cells on all ranks */
+  PetscReal       *r, *p; /* [ncell][nk] rows of cells on their way to and from a device; NULL: none */
 };
 
 /* ---- which cells ---- */
@@ -145,13 +147,13 @@ static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value
   }
 }
 
-/* One row of the block from gathered rows: all columns are there, as the nodes share a cell; c->v is scratch */
+/* One row of the block from gathered rows: all columns are there, as the nodes share a cell; c->e is scratch */
 static void take_gathered(CellRelax c, PetscInt i, PetscInt n, const PetscInt node[], PetscReal out[])
 {
   const Rows *r = c->rows;
 
-  for (PetscInt q = r->start[i]; q < r->start[i + 1]; q++) c->v[r->column[q]] = r->value[q];
-  for (PetscInt j = 0; j < n; j++) out[j] = c->v[node[j]];
+  for (PetscInt q = r->start[i]; q < r->start[i + 1]; q++) c->e[r->column[q]] = r->value[q];
+  for (PetscInt j = 0; j < n; j++) out[j] = c->e[node[j]];
 }
 
 /* The same from the matrix: entries of S in the row of local node i at the n global columns */
@@ -376,30 +378,72 @@ static void relax_cell(CellRelax c, PetscInt i, const PetscReal b[], const Petsc
   for (PetscInt j = 0; j < n; j++) v[j] = free[j] ? v[j] + w[j] : 0;
 }
 
-PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[])
+/* c->v = sums of corrections at the nodes of relaxed cells; p += those of cells, for the residual in c->e */
+static PetscErrorCode relax_cells(CellRelax c, const PetscReal r[], PetscReal p[])
 {
   const MeshLocal        *l   = c->loc;
   const PetscInt          dim = l->dim, nb = l->nb, nk = c->nk;
   const PetscReal *const *b;
 
   PetscFunctionBeginUser;
-  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetCellDivergence(c->flow, &b));
-  PetscCall(PetscArraycpy(c->e, e, l->nnode * dim));
   PetscCall(MeshSyncNodes(c->mesh, dim, c->e));
-  PetscCall(PetscArrayzero(c->v, l->nnode_all * dim));
   for (PetscInt i = 0; i < c->n; i++) {
     const PetscInt cell = c->cell[i], *node = l->cell_node + cell * nb;
-    PetscReal      v[MAX_NB * 3], q[4];
+    PetscReal      v[MESH_MAX_NB * 3], q[4];
 
     relax_cell(c, i, b[cell], r + cell * nk, v, q);
     for (PetscInt j = 0; j < nb * dim; j++) c->v[node[j / dim] * dim + j % dim] += v[j];
     for (PetscInt k = 0; k < nk; k++) p[cell * nk + k] += q[k];
   }
   PetscCall(MeshSumNodes(c->mesh, dim, c->v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Zeros in c->v again */
+static PetscErrorCode clear_nodes(CellRelax c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->n * l->nb; i++)
+    PetscCall(PetscArrayzero(c->v + l->cell_node[c->cell[i / l->nb] * l->nb + i % l->nb] * l->dim, l->dim));
+  for (PetscInt i = 0; i < c->nrelaxed_node; i++) PetscCall(PetscArrayzero(c->v + c->relaxed_node[i] * l->dim, l->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[])
+{
+  const PetscInt dim = c->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArraycpy(c->e, e, c->loc->nnode * dim));
+  PetscCall(relax_cells(c, r, p));
   for (PetscInt i = 0; i < c->nrelaxed_node; i++)
     for (PetscInt a = 0; a < dim; a++)
       u[c->relaxed_node[i] * dim + a] += c->average[c->relaxed_node[i]] * c->v[c->relaxed_node[i] * dim + a];
+  PetscCall(clear_nodes(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxApplyOnDevice(CellRelax c, const PetscReal e[], const PetscReal r[], PetscReal u[],
+                                      PetscReal p[])
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->r) PetscCall(PetscMalloc2(l->ncell * c->nk, &c->r, l->ncell * c->nk, &c->p));
+  PetscCall(FlowFetchRows(c->flow, c->nrelaxed_node, l->dim, c->relaxed_node, e, c->e));
+  PetscCall(FlowFetchRows(c->flow, c->n, c->nk, c->cell, r, c->r));
+  for (PetscInt i = 0; i < c->n; i++) PetscCall(PetscArrayzero(c->p + c->cell[i] * c->nk, c->nk));
+  PetscCall(relax_cells(c, c->r, c->p));
+  for (PetscInt i = 0; i < c->nrelaxed_node; i++)
+    for (PetscInt a = 0; a < l->dim; a++) c->v[c->relaxed_node[i] * l->dim + a] *= c->average[c->relaxed_node[i]];
+  PetscCall(FlowAddRows(c->flow, c->nrelaxed_node, l->dim, c->relaxed_node, c->v, u));
+  PetscCall(FlowAddRows(c->flow, c->n, c->nk, c->cell, c->p, p));
+  PetscCall(clear_nodes(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -426,6 +470,7 @@ PetscErrorCode CellRelaxDestroy(CellRelax *relax)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree5(c->free, c->average, c->e, c->v, c->relaxed_node));
+  PetscCall(PetscFree2(c->r, c->p));
   PetscCall(PetscFree(c->cell));
   PetscCall(PetscFree(c->L));
   PetscCall(PetscFree(c->T));

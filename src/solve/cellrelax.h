@@ -36,3 +36,6 @@ PetscErrorCode CellRelaxGetCount(CellRelax, PetscInt *n);
 /* u += v, p += p_c for the residual e of the momentum rows [own nodes][dim], zero at inert slots, and r of the
    continuity rows [own cells][dim + 1]. Collective. */
 PetscErrorCode CellRelaxApply(CellRelax, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[]);
+/* The same for arrays in the memory of a device: what belongs to relaxed cells comes to the host. Collective. */
+PetscErrorCode CellRelaxApplyOnDevice(CellRelax, const PetscReal e[], const PetscReal r[], PetscReal u[],
+                                      PetscReal p[]);

@@ -24,6 +24,10 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
   Vec            none = fs->vec.t_u2;
 
   PetscFunctionBeginUser;
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverTranslationOnDevice(fs, e));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscCalloc1(ConstraintGetView(fs->constraint)->nbodies * fs->nr, &U));
   PetscCall(PetscArrayzero(fs->vec.local, n));
   PetscCall(ConstraintRestrict(fs->constraint, fs->vec.local, U, none));
@@ -35,7 +39,7 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* q += factor.x in the cells whose pressure an equation knows */
+/* q += factor.x in the cells whose pressure an equation knows; q where vectors lie */
 static PetscErrorCode add_linear(FlowSolver fs, const PetscReal factor[], PetscReal q[])
 {
   const MeshLocal *l  = fs->loc;
@@ -43,6 +47,10 @@ static PetscErrorCode add_linear(FlowSolver fs, const PetscReal factor[], PetscR
   const PetscReal *h;
 
   PetscFunctionBeginUser;
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverAddLinearOnDevice(fs, factor, q));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(FlowGetCellSize(fs->flow, &h));
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscReal *x = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim;
@@ -63,13 +71,14 @@ static PetscErrorCode sum_rows(FlowSolver fs, const PetscReal v[], const PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(sum, 6));
-  for (PetscInt i = 0; i < fs->nur; i++) {
+  for (PetscInt i = 0; i < fs->nur && !FlowSolverIsOnDevice(fs); i++) {
     const PetscInt axis = i < fs->nodal ? i % dim : (i - fs->nodal) % fs->nr;
 
     if (axis >= dim) continue;
     sum[axis] += e[i] * v[i];
     sum[3 + axis] += PetscAbsReal(e[i] * v[i]);
   }
+  if (FlowSolverIsOnDevice(fs)) PetscCall(FlowSolverSumRowsOnDevice(fs, v, e, sum));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -81,9 +90,9 @@ static PetscErrorCode take_linear(FlowSolver fs, const PetscReal factor[])
 
   PetscFunctionBeginUser;
   PetscCall(VecZeroEntries(fs->vec.t_p));
-  PetscCall(VecGetArray(fs->vec.t_p, &q));
+  PetscCall(VecGetArrayAndMemType(fs->vec.t_p, &q, NULL));
   PetscCall(add_linear(fs, factor, q));
-  PetscCall(VecRestoreArray(fs->vec.t_p, &q));
+  PetscCall(VecRestoreArrayAndMemType(fs->vec.t_p, &q));
   PetscCall(MatMult(fs->op.G, fs->vec.t_p, fs->vec.t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,21 +113,36 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   if (!fs->carry.solved) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(take_translation(fs, fs->vec.t_u));
   PetscCall(take_linear(fs, one));
-  PetscCall(VecGetArrayRead(fs->vec.t_u, &e));
-  PetscCall(VecGetArrayRead(fs->vec.r, &v));
+  PetscCall(VecGetArrayReadAndMemType(fs->vec.t_u, &e, NULL));
+  PetscCall(VecGetArrayReadAndMemType(fs->vec.r, &v, NULL));
   PetscCall(sum_rows(fs, v, e, left));
-  PetscCall(VecRestoreArrayRead(fs->vec.r, &v));
-  PetscCall(VecGetArrayRead(fs->vec.t_u2, &v));
+  PetscCall(VecRestoreArrayReadAndMemType(fs->vec.r, &v));
+  PetscCall(VecGetArrayReadAndMemType(fs->vec.t_u2, &v, NULL));
   PetscCall(sum_rows(fs, v, e, volume));
-  PetscCall(VecRestoreArrayRead(fs->vec.t_u2, &v));
-  PetscCall(VecRestoreArrayRead(fs->vec.t_u, &e));
+  PetscCall(VecRestoreArrayReadAndMemType(fs->vec.t_u2, &v));
+  PetscCall(VecRestoreArrayReadAndMemType(fs->vec.t_u, &e));
   for (PetscInt d = 0; d < fs->loc->dim; d++) {
     fs->carry.closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > MIN_FRACTION * volume[3 + d]);
     if (fs->carry.closes[d]) fs->carry.factor[d] = left[d] / volume[d];
   }
-  PetscCall(VecGetArray(xv, &x));
+  PetscCall(VecGetArrayAndMemType(xv, &x, NULL));
   PetscCall(add_linear(fs, fs->carry.factor, x + fs->nur));
-  PetscCall(VecRestoreArray(xv, &x));
+  PetscCall(VecRestoreArrayAndMemType(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSumLoads(FlowSolver fs, const PetscReal rigid[], PetscReal sum[6])
+{
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->nown * dim; e++) {
+    const PetscInt k = c->own[e / dim];
+
+    if (ConstraintIsUnknown(c, k, e % dim)) sum[e % dim] += rigid[k * fs->nr + e % dim];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -126,10 +150,9 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
    through cells that a penalty cuts, is taken from all nodes that are free, which pressure bears. Collective. */
 static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal load[], const PetscReal rigid[])
 {
-  const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const PetscInt        dim = fs->loc->dim;
-  const unsigned char  *fixed;
-  PetscReal             sum[6] = {0, 0, 0, 0, 0, 0};
+  const PetscInt       dim = fs->loc->dim;
+  const unsigned char *fixed;
+  PetscReal            sum[6] = {0, 0, 0, 0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
@@ -137,12 +160,7 @@ static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal l
     sum[i % dim] += load[i];
     if (!((fixed[i / dim] >> i % dim) & 1)) sum[3 + i % dim] += m[i / dim];
   }
-  for (PetscInt e = 0; e < c->nown * dim; e++) {
-    const PetscInt k = c->own[e / dim];
-
-    if (ConstraintIsUnknown(c, k, e % dim)) sum[e % dim] += rigid[k * fs->nr + e % dim];
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
+  PetscCall(FlowSolverSumLoads(fs, rigid, sum));
   for (PetscInt i = 0; i < fs->nodal; i++)
     if (fs->carry.closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1))
       load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
@@ -171,37 +189,29 @@ PetscErrorCode FlowSolverGetLeft(FlowSolver fs, PetscReal *left, PetscBool *solv
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver fs, PetscReal load[], PetscReal rigid[])
+PetscErrorCode FlowSolverTakeImpulse(FlowSolver fs, PetscReal rigid[], PetscBool *any)
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
-  const PetscInt        nr = fs->nr, dim = fs->loc->dim;
-  const FlowParameters *par;
+  const PetscInt        nr = fs->nr;
   const FlowStep       *step;
-  const PetscReal      *m, *r;
+  const PetscReal      *r;
   PetscReal            *E;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(load, fs->nodal));
+  *any = (PetscBool)(fs->carry.solved && !fs->step.steady);
   PetscCall(PetscArrayzero(rigid, c->nbodies * nr));
-  if (!fs->carry.solved || fs->step.steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetParameters(fs->flow, &par));
+  if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(FlowGetInertialMass(fs->flow, &m));
   PetscCall(take_linear(fs, fs->carry.factor));
-  PetscCall(VecGetArrayRead(fs->vec.r, &r));
-  PetscCall(VecPlaceArray(fs->vec.t_u, r));
-  PetscCall(VecAYPX(fs->vec.t_u2, -1, fs->vec.t_u)); /* without the rows of the pressure that was added */
-  PetscCall(VecResetArray(fs->vec.t_u));
-  PetscCall(VecRestoreArrayRead(fs->vec.r, &r));
+  PetscCall(VecGetArrayReadAndMemType(fs->vec.r, &r, NULL));
+  PetscCall(FlowSolverPlaceFields(fs, r, r));
+  PetscCall(VecAYPX(fs->vec.t_u2, -1, fs->vec.from[0])); /* without the rows of the pressure that was added */
+  PetscCall(FlowSolverResetFields(fs));
+  PetscCall(VecRestoreArrayReadAndMemType(fs->vec.r, &r));
   PetscCall(FlowSolverApplyMassInverse(fs, fs->vec.t_u2, fs->vec.t_u));
-  PetscCall(ConstraintExpand(fs->constraint, fs->vec.t_u, fs->vec.local));
-  for (PetscInt i = 0; i < fs->loc->nnode; i++)
-    for (PetscInt a = 0; a < dim; a++)
-      load[i * dim + a] = par->density * m[i] *
-                          (fs->vec.local[i * dim + a] -
-                           (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
-  PetscCall(ConstraintGatherRigid(fs->constraint, fs->vec.t_u, E));
+  PetscCall(FlowSolverGetSlots(fs, fs->vec.t_u, fs->body.rigid_work));
+  PetscCall(ConstraintGatherRigid(fs->constraint, fs->body.rigid_work, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {
     const PetscInt k = e / nr;
 
@@ -209,6 +219,29 @@ PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver fs, PetscReal load[], Pet
       if (ConstraintIsUnknown(c, k, j)) rigid[e] += fs->body.D[e * nr + j] / step->ct * E[k * nr + j];
   }
   PetscCall(PetscFree(E));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver fs, PetscReal load[], PetscReal rigid[])
+{
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  const FlowParameters *par;
+  const PetscReal      *m;
+  PetscBool             any;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(load, fs->nodal));
+  PetscCall(FlowSolverTakeImpulse(fs, rigid, &any));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(FlowGetInertialMass(fs->flow, &m));
+  PetscCall(ConstraintExpand(fs->constraint, fs->vec.t_u, fs->vec.local));
+  for (PetscInt i = 0; i < fs->loc->nnode; i++)
+    for (PetscInt a = 0; a < dim; a++)
+      load[i * dim + a] = par->density * m[i] *
+                          (fs->vec.local[i * dim + a] -
+                           (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
   PetscCall(close_sums(fs, m, load, rigid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

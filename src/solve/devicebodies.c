@@ -3,6 +3,7 @@
    without a device. Fields stay where they are. */
 #include "compat.h"
 #include "impl.h"
+#include "base/array.h"
 
 /* Pairs as they are collected, on the host */
 typedef struct {
@@ -88,6 +89,42 @@ static PetscErrorCode list_penalty(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nodes whose mass a penalty adds to, each once: it is relative to one body */
+static PetscErrorCode list_cut_nodes(FlowSolver fs)
+{
+  const PenaltyTerm *s = FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL;
+  BodiesOnDevice    *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  b->ncut = 0;
+  PetscCall(ArrayReserve(s ? s->n : 0, &b->cut_capacity, &b->cut, sizeof(*b->cut), NULL));
+  for (PetscInt e = 0; s && e < s->n; e++)
+    if (s->body[e] == s->relative_to[s->node[e]]) b->cut[b->ncut++] = s->node[e];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Pressures of cells all of whose nodes bodies hold, the one in the middle too */
+static PetscErrorCode list_rigid_cells(FlowSolver fs)
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nk = fs->loc->dim + 1;
+  BodiesOnDevice       *b  = &fs->device.body;
+  int                  *slot;
+
+  PetscFunctionBeginUser;
+  b->nrigid = 0;
+  PetscCall(PetscMalloc1(c->nbody_nodes * nk, &slot));
+  for (PetscInt e = 0; e < c->nbody_nodes; e++) {
+    const PetscInt cell = fs->loc->centre_cell[c->body_node[e]];
+
+    if (cell < 0 || cell >= fs->loc->ncell || !FlowSolverCellIsRigid(fs, cell)) continue;
+    for (PetscInt k = 0; k < nk; k++) slot[b->nrigid++] = (int)(cell * nk + k);
+  }
+  PetscCall(DeviceRenew(FlowGetQueue(fs->flow), b->nrigid, slot, &b->rigid, &b->rigid_capacity));
+  PetscCall(PetscFree(slot));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode list_coupling(FlowSolver fs)
 {
   struct _p_BodyCouplingView v;
@@ -119,6 +156,8 @@ PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver fs)
   PetscCall(list_rigid_nodes(fs));
   PetscCall(list_penalty(fs));
   PetscCall(list_coupling(fs));
+  PetscCall(list_cut_nodes(fs));
+  PetscCall(list_rigid_cells(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,7 +173,9 @@ PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver fs)
   PetscCall(DevicePairsDestroy(q, &b->relative.on));
   PetscCall(DeviceFree(q, &b->U));
   PetscCall(DeviceFree(q, &b->sum));
+  PetscCall(DeviceFree(q, &b->rigid));
   PetscCall(PetscFree2(b->here, b->slots));
+  PetscCall(PetscFree(b->cut));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -172,7 +213,7 @@ static void leave_unknown(const ConstraintView *c, PetscReal v[])
 }
 
 /* Rigid velocities of the slots here go over to the local bodies */
-static PetscErrorCode spread_slots(FlowSolver fs, const PetscReal slots[])
+PetscErrorCode FlowSolverSpreadSlots(FlowSolver fs, const PetscReal slots[])
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const DeviceQueue    *q = FlowGetQueue(fs->flow);
@@ -209,7 +250,7 @@ PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, PetscReal v[])
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(bring_slots(fs, v, b->slots));
-  PetscCall(spread_slots(fs, b->slots));
+  PetscCall(FlowSolverSpreadSlots(fs, b->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->place.on, 1, b->U, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -236,19 +277,27 @@ PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal v[], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverReduceIntoOnDevice(FlowSolver fs, PetscReal slots[], PetscReal y[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum));
+  PetscCall(bring_sums(fs, 1, b->here));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, slots));
+  PetscCall(send_slots(fs, slots, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverReducePlainOnDevice(FlowSolver fs, PetscReal y[])
 {
-  const ConstraintView *c = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q = FlowGetQueue(fs->flow);
-  BodiesOnDevice       *b = &fs->device.body;
+  PetscReal *slots = fs->device.body.slots;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum));
-  PetscCall(bring_sums(fs, 1, b->here));
-  PetscCall(PetscArrayzero(b->slots, c->count * fs->nr));
-  PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, b->slots));
-  PetscCall(send_slots(fs, b->slots, y));
+  PetscCall(PetscArrayzero(slots, ConstraintGetView(fs->constraint)->count * fs->nr));
+  PetscCall(FlowSolverReduceIntoOnDevice(fs, slots, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -263,7 +312,7 @@ PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver fs, const PetscReal b[]
   PetscFunctionBeginUser;
   PetscCall(bring_slots(fs, b, rows));
   FlowSolverSolveBodies(fs, rows, d->slots);
-  PetscCall(spread_slots(fs, d->slots));
+  PetscCall(FlowSolverSpreadSlots(fs, d->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &d->coupling.on, -1, d->U, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -301,7 +350,7 @@ PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver fs, const PetscReal x[]
   PetscCall(FlowSolverInvertMasses(fs, t, out));
   PetscCall(send_slots(fs, out, y));
   if (!FlowSolverHasPenalty(fs)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(spread_slots(fs, out));
+  PetscCall(FlowSolverSpreadSlots(fs, out));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->relative.on, -1, b->U, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

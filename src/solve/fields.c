@@ -26,9 +26,40 @@ PetscErrorCode FlowSolverUnpack(FlowSolver fs, Vec xv, PetscReal u[], PetscReal 
   PetscCall(PetscArraycpy(p, x + fs->nur, fs->np));
   PetscCall(VecPlaceArray(fs->vec.t_u, x));
   PetscCall(ConstraintExpand(fs->constraint, fs->vec.t_u, u));
-  PetscCall(ConstraintGatherRigid(fs->constraint, fs->vec.t_u, U));
   PetscCall(VecResetArray(fs->vec.t_u));
+  PetscCall(ConstraintGatherRigid(fs->constraint, x + fs->nodal, U));
   PetscCall(VecRestoreArrayRead(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static size_t slot_bytes(FlowSolver fs)
+{
+  return (size_t)(ConstraintGetView(fs->constraint)->count * fs->nr) * sizeof(PetscReal);
+}
+
+PetscErrorCode FlowSolverGetSlots(FlowSolver fs, Vec v, PetscReal slots[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const PetscReal   *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceVecGetRead(q, v, &a));
+  if (q) PetscCallDevice(q, (*q->run->download)(q, slot_bytes(fs), a + fs->nodal, slots));
+  else PetscCall(PetscMemcpy(slots, a + fs->nodal, slot_bytes(fs)));
+  PetscCall(VecRestoreArrayReadAndMemType(v, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetSlots(FlowSolver fs, Vec v, const PetscReal slots[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  PetscReal         *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceVecGet(q, v, &a));
+  if (q) PetscCallDevice(q, (*q->run->upload)(q, slot_bytes(fs), slots, a + fs->nodal));
+  else PetscCall(PetscMemcpy(a + fs->nodal, slots, slot_bytes(fs)));
+  PetscCall(VecRestoreArrayAndMemType(v, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

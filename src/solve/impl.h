@@ -1,9 +1,10 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. fields.c: vectors of the system and
    their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how
    far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
-   preconditioner. operator.c: products with the operators of the system. ondevice.c, devicestep.c: on a device. near.c:
-   rows of the velocity matrix around bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the
-   balance of momentum. nonlinear.c: for solvers of nonlinear problems. */
+   preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
+   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for
+   solvers of nonlinear problems. On a device: ondevice.c, devicestep.c, devicebodies.c, devicesums.c,
+   deviceimpulse.c. */
 #pragma once
 #include "solve/system.h"
 #include "pressure/pressure.h"
@@ -161,7 +162,11 @@ typedef struct {
   RigidList  place, penalty, coupling, relative; /* rows of P; G; E of BodyCoupling; what M_r^{-1} adds at nodes */
   double    *U, *sum;                            /* [nlocal][nr] there: rigid velocities; [2][nlocal][nr] sums */
   size_t     capacity[2];
-  PetscReal *here, *slots; /* [2][capacity][nr] on the host; [2][count][nr] rigid slots of two vectors */
+  PetscReal *here, *slots;             /* [2][capacity][nr] on the host; [2][count][nr] rigid slots of two vectors */
+  PetscInt   ncut, *cut, cut_capacity; /* own nodes with a penalty, each once, on the host */
+  int       *rigid; /* [nrigid] slots of pressures that no equation knows (FlowSolverCellIsRigid), there */
+  int        nrigid;
+  size_t     rigid_capacity;
 } BodiesOnDevice;
 
 /* With -device: ondevice.c */
@@ -172,11 +177,13 @@ typedef struct {
   Vec        constant;   /* constant pressure */
   Vec        part;       /* is lent pressures */
   PetscReal  scale;      /* of `mass` */
-  PetscReal *value_here; /* [ninert] velocities at inert slots, on the host */
-  int        ninert;
-  const int *inert;                  /* slots, in the memory of the device */
-  double    *value, *nothing, *unit; /* [ninert] what is known there, 0, 1 */
-  size_t     capacity[4], room;      /* of these, of value_here */
+  PetscReal *value_here; /* [nknown] what is known there, on the host */
+  int        ninert, nknown, nfixed;
+  const int *inert;             /* [nknown] slots, there: inert ones, then those relative to a body */
+  double    *value;             /* [nknown] c of these */
+  size_t     capacity[2], room; /* of these, of value_here */
+  const int *fixed;             /* [nfixed] slots that boundary conditions fix; NULL: not listed so far */
+  double    *sums;              /* [DEVICE_PARTIAL + 2] of reductions */
 
   BodiesOnDevice body;
 } SystemOnDevice;
@@ -261,6 +268,10 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
 PetscBool FlowSolverIsCompressible(FlowSolver);
 /* fs->vec.b = [P^T (r - A c) + g; -B c]. Collective. */
 PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
+/* Parts of it: rigid [count][nr] = g of unknown slots; the penalty's share of known velocities U and of known nodal
+   values c, of entries' nodes: y -= G U, rigid -= H U - G^T c (own bodies). The second is collective. */
+void           FlowSolverTakeLoads(FlowSolver, const PetscReal g[], PetscReal rigid[]);
+PetscErrorCode FlowSolverAddPrescribedPenalty(FlowSolver, const PetscReal c[], PetscReal y[], PetscReal rigid[]);
 /* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
@@ -269,6 +280,7 @@ PetscBool      FlowSolverIsOnDevice(FlowSolver);
 PetscErrorCode FlowSolverCreateOnDevice(FlowSolver);
 PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver);
 PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver, Vec x, Vec y);
+PetscErrorCode FlowSolverFillInertOnDevice(FlowSolver, PetscReal value, PetscReal a[]);
 /* Where there are bodies (devicebodies.c): lists of the step. x, y: reduced velocities there. Collective. */
 PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver);
 PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver);
@@ -296,10 +308,28 @@ PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, V
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
 /* Does it say so, and do fields stay there in this step (devicestep.c)? Then, in place of functions of these names: */
 PetscBool      FlowSolverStaysOnDevice(FlowSolver);
-PetscErrorCode FlowSolverBuildRhsOnDevice(FlowSolver);
-PetscErrorCode FlowSolverPackOnDevice(FlowSolver);
-PetscErrorCode FlowSolverUnpackOnDevice(FlowSolver);
+PetscErrorCode FlowSolverBuildRhsOnDevice(FlowSolver, const PetscReal g[]);
+PetscErrorCode FlowSolverPackOnDevice(FlowSolver, const PetscReal U[]);
+PetscErrorCode FlowSolverUnpackOnDevice(FlowSolver, PetscReal U[]);
 PetscErrorCode FlowSolverShiftOnDevice(FlowSolver);
+/* Where it says so (devicesums.c): what conserve.c and stop.c do on arrays of the host. measure: of fs->stop.iterate;
+   translation: e of conserve.c; a linear pressure is added to q in the cells whose pressure an equation knows; sums
+   over e of the rows v. The last but one is local. */
+PetscErrorCode FlowSolverMeasureOnDevice(FlowSolver, PetscReal sum[3], PetscReal max[3]);
+PetscErrorCode FlowSolverTranslationOnDevice(FlowSolver, Vec e);
+PetscErrorCode FlowSolverAddLinearOnDevice(FlowSolver, const PetscReal factor[], PetscReal q[]);
+PetscErrorCode FlowSolverSumRowsOnDevice(FlowSolver, const PetscReal v[], const PetscReal e[], PetscReal sum[6]);
+/* t_u = M_r^{-1} of the residual that is carried, rigid [nbodies][nr] its part of bodies, unless there is none (any);
+   sum += rigid, then summed over ranks. Collective. */
+PetscErrorCode FlowSolverTakeImpulse(FlowSolver, PetscReal rigid[], PetscBool *any);
+PetscErrorCode FlowSolverSumLoads(FlowSolver, const PetscReal rigid[], PetscReal sum[6]);
+/* Rows of bodies of y: slots [count][nr] of the host + P^T y */
+PetscErrorCode FlowSolverReduceIntoOnDevice(FlowSolver, PetscReal slots[], PetscReal y[]);
+/* Rigid velocities of slots of the host go over to the local bodies, for fs->device.body.U */
+PetscErrorCode FlowSolverSpreadSlots(FlowSolver, const PetscReal slots[]);
+/* Rigid slots [count][nr] of a reduced velocity or a vector of the system, on the host */
+PetscErrorCode FlowSolverGetSlots(FlowSolver, Vec, PetscReal slots[]);
+PetscErrorCode FlowSolverSetSlots(FlowSolver, Vec, const PetscReal slots[]);
 PetscErrorCode FlowSolverRemoveConstantOnDevice(FlowSolver, Vec x);
 /* The diagonals of the step, with entries of MIN_DIAGONAL lumped masses at least; *kept: nothing else has changed */
 PetscErrorCode FlowSolverDiagonalsOnDevice(FlowSolver, PetscBool *kept);
@@ -308,6 +338,8 @@ PetscErrorCode FlowSolverCheckFlux(FlowSolver, PetscReal flux, PetscReal speed);
 /* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
    Collective. */
 PetscErrorCode FlowSolverShiftPressure(FlowSolver, const PetscReal dp[]);
+/* Entry of the diagonal of M_r^{-1} in slot i of u_r */
+PetscReal FlowSolverMobility(FlowSolver, PetscInt i);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
 /* Make fs->vec.from, fs->vec.to the velocities and pressures in arrays [nur + np], until FlowSolverResetFields.

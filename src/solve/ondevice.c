@@ -10,12 +10,12 @@ PetscBool FlowSolverIsOnDevice(FlowSolver fs)
   return (PetscBool)(FlowGetQueue(fs->flow) != NULL);
 }
 
-static PetscErrorCode set_inert(FlowSolver fs, PetscReal a[])
+PetscErrorCode FlowSolverFillInertOnDevice(FlowSolver fs, PetscReal value, PetscReal a[])
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.nothing, a));
+  PetscCallDevice(q, (*q->run->fill_slots)(q, fs->device.ninert, fs->device.inert, value, a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -27,7 +27,7 @@ static PetscErrorCode expand(FlowSolver fs, Vec x, PetscReal **v)
   PetscFunctionBeginUser;
   PetscCall(VecCopy(x, fs->device.free));
   PetscCall(DeviceVecGet(q, fs->device.free, v));
-  PetscCall(set_inert(fs, *v));
+  PetscCall(FlowSolverFillInertOnDevice(fs, 0, *v));
   PetscCall(FlowSolverExpandOnDevice(fs, *v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -141,7 +141,7 @@ static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowGradientOnDevice(fs->flow, -1, p, ya));
   PetscCall(FlowSolverReducePlainOnDevice(fs, ya));
-  if (fs->nbodies) PetscCall(set_inert(fs, ya));
+  if (fs->nbodies) PetscCall(FlowSolverFillInertOnDevice(fs, 0, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &p));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -209,6 +209,7 @@ static PetscErrorCode create_vectors(FlowSolver fs)
   PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
   PetscCall(VecZeroEntries(fs->device.jacobi));
   PetscCall(VecZeroEntries(fs->device.mass));
+  PetscCall(DeviceTake(FlowGetQueue(fs->flow), DEVICE_PARTIAL + 2, NULL, &fs->device.sums));
   PetscCall(VecDuplicate(fs->vec.t_p, &fs->device.constant));
   PetscCall(VecGetArrayWrite(fs->device.constant, &a));
   for (PetscInt i = 0; i < fs->np; i++) a[i] = i % (fs->loc->dim + 1) == 0;
@@ -216,13 +217,14 @@ static PetscErrorCode create_vectors(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Inert slots, which are others in every step where there are bodies */
-static PetscErrorCode list_inert(FlowSolver fs)
+/* Slots where something is known, which are others in every step where there are bodies */
+static PetscErrorCode list_prescribed(FlowSolver fs)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const DeviceQueue    *q = FlowGetQueue(fs->flow);
-  const PetscInt        n = c->inert.n;
+  const PetscInt        n = c->inert.n + c->relative_rows.n;
   SystemOnDevice       *d = &fs->device;
+  PetscInt             *slot;
 
   PetscFunctionBeginUser;
   if ((size_t)n > d->room || !d->value_here) {
@@ -230,25 +232,27 @@ static PetscErrorCode list_inert(FlowSolver fs)
     d->room = (size_t)(n + n / 4);
     PetscCall(PetscMalloc1(d->room, &d->value_here));
   }
-  d->ninert = (int)n;
-  PetscCall(DeviceRenewInts(q, n, c->inert.slot, &d->inert, &d->capacity[0]));
-  for (PetscInt i = 0; i < n; i++) d->value_here[i] = 1;
-  PetscCall(DeviceRenew(q, n, d->value_here, &d->unit, &d->capacity[1]));
+  d->ninert = (int)c->inert.n;
+  d->nknown = (int)n;
+  PetscCall(PetscMalloc1(n, &slot));
+  PetscCall(PetscArraycpy(slot, c->inert.slot, c->inert.n));
+  PetscCall(PetscArraycpy(slot + c->inert.n, c->relative_rows.slot, c->relative_rows.n));
+  PetscCall(DeviceRenewInts(q, n, slot, &d->inert, &d->capacity[0]));
+  PetscCall(PetscFree(slot));
+  PetscCall(DeviceRenew(q, n, NULL, &d->value, &d->capacity[1]));
+  PetscCallDevice(q, (*q->run->zero)(q, (size_t)n * sizeof(double), d->value));
   PetscCall(PetscArrayzero(d->value_here, n));
-  PetscCall(DeviceRenew(q, n, d->value_here, &d->value, &d->capacity[2]));
-  PetscCall(DeviceRenew(q, n, d->value_here, &d->nothing, &d->capacity[3]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode update_diagonal(FlowSolver fs)
 {
-  const DeviceQueue *q = FlowGetQueue(fs->flow);
-  PetscReal         *d;
+  PetscReal *d;
 
   PetscFunctionBeginUser;
-  PetscCall(DeviceVecGetWrite(q, fs->device.jacobi, &d));
+  PetscCall(DeviceVecGetWrite(FlowGetQueue(fs->flow), fs->device.jacobi, &d));
   PetscCall(FlowInvertDiagonalOnDevice(fs->flow, MIN_DIAGONAL * fs->step.scale, d));
-  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.unit, d));
+  PetscCall(FlowSolverFillInertOnDevice(fs, 1, d));
   PetscCall(VecRestoreArrayWriteAndMemType(fs->device.jacobi, &d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -256,7 +260,7 @@ static PetscErrorCode update_diagonal(FlowSolver fs)
 PetscErrorCode FlowSolverDiagonalsOnDevice(FlowSolver fs, PetscBool *kept)
 {
   PetscFunctionBeginUser;
-  *kept = (PetscBool)(FlowSolverStaysOnDevice(fs) && fs->device.jacobi && fs->nbodies == 0);
+  *kept = (PetscBool)(FlowStaysOnDevice(fs->flow) && fs->device.jacobi && fs->nbodies == 0);
   if (!*kept) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(update_diagonal(fs));
   PetscCall(VecScale(fs->device.mass, fs->device.scale / fs->step.scale));
@@ -264,22 +268,31 @@ PetscErrorCode FlowSolverDiagonalsOnDevice(FlowSolver fs, PetscBool *kept)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
+/* Inverse of M_r over the scale at nodes: that of the fluid's mass but where there is a penalty */
+static PetscErrorCode update_mass(FlowSolver fs)
 {
-  const ConstraintView *c = ConstraintGetView(fs->constraint);
-  PetscReal            *d;
+  PetscReal *d;
 
   PetscFunctionBeginUser;
+  PetscCall(DeviceVecGetWrite(FlowGetQueue(fs->flow), fs->device.mass, &d));
+  PetscCall(FlowInvertMassOnDevice(fs->flow, d));
+  PetscCall(FlowSendRows(fs->flow, fs->device.body.ncut, fs->loc->dim, fs->device.body.cut, fs->weight, d));
+  PetscCall(FlowSolverFillInertOnDevice(fs, 0, d));
+  PetscCall(VecRestoreArrayWriteAndMemType(fs->device.mass, &d));
+  PetscCall(VecScale(fs->device.mass, 1 / fs->step.scale));
+  fs->device.scale = fs->step.scale;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
   if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!fs->device.inert || fs->nbodies) PetscCall(list_inert(fs));
+  if (!fs->device.inert || fs->nbodies) PetscCall(list_prescribed(fs));
   if (!fs->device.jacobi) PetscCall(create_vectors(fs));
   PetscCall(FlowSolverListBodiesOnDevice(fs));
   PetscCall(update_diagonal(fs));
-  PetscCall(VecGetArrayWrite(fs->device.mass, &d));
-  for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->weight[i] / fs->step.scale;
-  for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 0;
-  PetscCall(VecRestoreArrayWrite(fs->device.mass, &d));
-  fs->device.scale = fs->step.scale;
+  PetscCall(update_mass(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -289,7 +302,6 @@ PetscErrorCode FlowSolverCreateOnDevice(FlowSolver fs)
   if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(!fs->set.need_Ar && !fs->set.need_whole, fs->comm, PETSC_ERR_SUP,
              "Option -device: a device carries no assembled matrices: use -flow_solver fast, balanced or accurate, and leave -flow_pc_type and -flow_fieldsplit_velocity_pc_type out");
-  if (fs->nbodies) PetscCall(FlowLeaveDevice(fs->flow));
   PetscCall(DeviceVecCreate(fs->comm, FlowGetQueue(fs->flow), 1, fs->np, PETSC_TRUE, &fs->device.part));
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_MULT, (void (*)(void))mult_velocity));
   PetscCall(MatShellSetOperation(fs->op.B, MATOP_MULT, (void (*)(void))mult_divergence));
@@ -312,8 +324,8 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   PetscCall(VecDestroy(&fs->device.part));
   PetscCall(DeviceFree(q, &fs->device.inert));
   PetscCall(DeviceFree(q, &fs->device.value));
-  PetscCall(DeviceFree(q, &fs->device.nothing));
-  PetscCall(DeviceFree(q, &fs->device.unit));
+  PetscCall(DeviceFree(q, &fs->device.fixed));
+  PetscCall(DeviceFree(q, &fs->device.sums));
   PetscCall(PetscFree(fs->device.value_here));
   PetscCall(FlowSolverFreeBodiesOnDevice(fs));
   PetscFunctionReturn(PETSC_SUCCESS);

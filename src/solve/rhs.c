@@ -2,9 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 
-/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U -
-   G^T c (own bodies) */
-static PetscErrorCode add_prescribed_penalty(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
+PetscErrorCode FlowSolverAddPrescribedPenalty(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
 {
   const ConstraintView *P  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, nn = nr * nr;
@@ -26,6 +24,18 @@ static PetscErrorCode add_prescribed_penalty(FlowSolver fs, const PetscReal c[],
       rigid[e / nn * nr + i] -= ConstraintSlotUnit(P, k, i) * fs->body.penalty->whole[e] * P->U[k * nr + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void FlowSolverTakeLoads(FlowSolver fs, const PetscReal g[], PetscReal rigid[])
+{
+  const ConstraintView *P = ConstraintGetView(fs->constraint);
+
+  for (PetscInt i = 0; i < P->count * fs->nr; i++) rigid[i] = 0;
+  for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
+    const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;
+
+    rigid[i] = ConstraintIsUnknown(P, k, s) ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
+  }
 }
 
 /* Sources of continuity: b += scale g, b the rows of own cells */
@@ -88,13 +98,8 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   if (FlowHasOperators(fs->flow)) PetscCall(FlowMultiplyOperators(fs->flow, fs->vec.xn, fs->vec.yn));
   PetscCall(VecResetArray(fs->vec.xn));
   PetscCall(VecResetArray(fs->vec.yn));
-  PetscCall(PetscArrayzero(b + fs->nodal, P->count * fs->nr));
-  for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
-    const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;
-
-    b[fs->nodal + i] = ConstraintIsUnknown(P, k, s) ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
-  }
-  if (FlowSolverHasPenalty(fs)) PetscCall(add_prescribed_penalty(fs, c, b, b + fs->nodal));
+  FlowSolverTakeLoads(fs, g, b + fs->nodal);
+  if (FlowSolverHasPenalty(fs)) PetscCall(FlowSolverAddPrescribedPenalty(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));

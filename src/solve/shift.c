@@ -15,8 +15,7 @@ static PetscErrorCode take_fluid_pressures(FlowSolver fs, const PetscReal dp[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entry of the diagonal of M_r^{-1} in slot i of u_r */
-static PetscReal mobility(FlowSolver fs, PetscInt i)
+PetscReal FlowSolverMobility(FlowSolver fs, PetscInt i)
 {
   const ConstraintView *c    = ConstraintGetView(fs->constraint);
   const PetscInt        nr   = fs->nr;
@@ -53,7 +52,7 @@ PetscErrorCode FlowSolverShiftPressure(FlowSolver fs, const PetscReal dp[])
   PetscCall(VecGetArrayRead(fs->vec.t_p, &q));
   if (fs->op.C) PetscCall(VecGetArrayRead(fs->vec.t_p2, &c));
   for (PetscInt i = 0; i < fs->nur; i++) {
-    const PetscReal w = fs->set.moving ? mobility(fs, i) : 1;
+    const PetscReal w = fs->set.moving ? FlowSolverMobility(fs, i) : 1;
 
     sum[0] += w * g[i] * r[i];
     sum[1] += w * g[i] * g[i];

@@ -34,8 +34,8 @@ static PetscReal row_weight(FlowSolver fs, PetscInt k)
    else take it together on some of them only */
 static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
 {
-  const ConstraintView *c = ConstraintGetView(fs->constraint);
-  PetscReal            *a;
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  PetscReal            *rows = fs->body.rigid_work;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) {
@@ -43,11 +43,11 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecCopy(v, fs->vec.y));
-  PetscCall(VecGetArray(fs->vec.y, &a));
+  PetscCall(FlowSolverGetSlots(fs, fs->vec.y, rows));
   for (PetscInt k = 0; k < c->nown; k++)
     for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++)
-      a[fs->nodal + k * fs->nr + i] *= row_weight(fs, c->own[k]);
-  PetscCall(VecRestoreArray(fs->vec.y, &a));
+      rows[k * fs->nr + i] *= row_weight(fs, c->own[k]);
+  PetscCall(FlowSolverSetSlots(fs, fs->vec.y, rows));
   PetscCall(VecNorm(fs->vec.y, NORM_2, norm));
   PetscCall(VecZeroEntries(fs->vec.y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -58,16 +58,15 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
    (40 discs that begin within the range: books of energy 12 % open after ten steps, .1 % with it). */
 static PetscErrorCode bound_residual(FlowSolver fs, PetscReal rhs, PetscReal *bound)
 {
-  const PetscReal *r;
-  PetscReal        square = 0;
+  const PetscInt n    = fs->nur - fs->nodal;
+  PetscReal     *rows = fs->body.rigid_work, square = 0;
 
   PetscFunctionBeginUser;
   *bound = fs->stop.rtol_max;
   if (fs->set.kind != SOLVER_FAST || *bound < 1 || !ContactCouplingAny(fs->body.contact_coupling))
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(fs->vec.r, &r));
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) square += PetscSqr(r[i]);
-  PetscCall(VecRestoreArrayRead(fs->vec.r, &r));
+  PetscCall(FlowSolverGetSlots(fs, fs->vec.r, rows));
+  for (PetscInt i = 0; i < n; i++) square += PetscSqr(rows[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &square, 1, MPIU_REAL, MPIU_SUM, fs->comm));
   if (square > PetscSqr(COUPLED_ROWS * rhs)) *bound = COUPLED_FAST;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -149,18 +148,23 @@ static void measure_block(FlowSolver fs, PetscInt begin, PetscInt end, const Pet
 }
 
 /* The two iterates of a solver that does not tell how it makes them */
-static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscReal sum[3], PetscReal max[3])
+static PetscErrorCode measure_vectors(FlowSolver fs, PetscReal sum[3], PetscReal max[3])
 {
-  const PetscReal *y, *before;
+  const PetscReal *x, *y, *before;
   Vec              t = fs->stop.iterate[0];
 
   PetscFunctionBeginUser;
   PetscCall(KSPBuildSolution(fs->ksp, fs->stop.iterate[1], NULL));
-  PetscCall(VecGetArrayRead(fs->stop.iterate[1], &y));
-  PetscCall(VecGetArrayRead(fs->stop.iterate[0], &before));
-  measure_block(fs, 0, fs->nur, x, y, before, sum, max);
-  PetscCall(VecRestoreArrayRead(fs->stop.iterate[0], &before));
-  PetscCall(VecRestoreArrayRead(fs->stop.iterate[1], &y));
+  if (FlowSolverIsOnDevice(fs)) PetscCall(FlowSolverMeasureOnDevice(fs, sum, max));
+  else {
+    PetscCall(VecGetArrayRead(fs->vec.x, &x));
+    PetscCall(VecGetArrayRead(fs->stop.iterate[1], &y));
+    PetscCall(VecGetArrayRead(fs->stop.iterate[0], &before));
+    measure_block(fs, 0, fs->nur, x, y, before, sum, max);
+    PetscCall(VecRestoreArrayRead(fs->stop.iterate[0], &before));
+    PetscCall(VecRestoreArrayRead(fs->stop.iterate[1], &y));
+    PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
+  }
   fs->stop.iterate[0] = fs->stop.iterate[1];
   fs->stop.iterate[1] = t;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -180,15 +184,16 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
-  PetscCall(VecGetArrayRead(fs->vec.x, &x));
-  if (!lean) PetscCall(measure_vectors(fs, x, sum, max));
-  for (PetscInt begin = 0; begin < fs->nur && lean; begin += BLOCK) {
-    const PetscInt end = PetscMin(begin + BLOCK, fs->nur);
+  if (lean) {
+    PetscCall(VecGetArrayRead(fs->vec.x, &x));
+    for (PetscInt begin = 0; begin < fs->nur; begin += BLOCK) {
+      const PetscInt end = PetscMin(begin + BLOCK, fs->nur);
 
-    PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
-    measure_block(fs, begin, end, x, y, before, sum, max);
-  }
-  PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
+      PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
+      measure_block(fs, begin, end, x, y, before, sum, max);
+    }
+    PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
+  } else PetscCall(measure_vectors(fs, sum, max));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, max, 4, MPIU_REAL, MPIU_MAX, fs->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, fs->comm));
   change[0] = max[0];

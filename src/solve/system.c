@@ -30,8 +30,28 @@ static PetscErrorCode find_lowest_viscosity(FlowSolver fs, const PetscReal m[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes, weight
-   [nnode_all][dim], which PressureUpdate compares with the last */
+/* Inverse diagonal of A (zero at inert slots); m: lumped mass */
+static PetscErrorCode invert_diagonal(FlowSolver fs, const PetscReal m[])
+{
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  PetscReal            *d;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(fs->loc->nnode_all, &d));
+  PetscCall(FlowGetDiagonal(fs->flow, d));
+  for (PetscInt i = 0; i < fs->nodal; i++) {
+    const PetscReal min = MIN_DIAGONAL * fs->step.scale * m[i / dim];
+
+    fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], min) : 0;
+  }
+  for (PetscInt j = 0; j < c->inert.n; j++) fs->diagonal_inverse[c->inert.slot[j]] = 0;
+  PetscCall(PetscFree(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inverse diagonal of A, unless a device has its own, and inverse lumped mass of M_r with softness at body nodes,
+   weight [nnode_all][dim], which PressureUpdate compares with the last */
 static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 {
   const ConstraintView *c   = ConstraintGetView(fs->constraint);
@@ -40,7 +60,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   const unsigned char  *fixed;
   const PetscReal      *m, *mu, *more;
   const PetscReal       tol_weight    = FlowSolverTwoStages(fs) ? TWO_STAGE_WEIGHT : 1;
-  PetscReal             penalty_bound = 1, *d;
+  PetscReal             penalty_bound = 1;
   PetscBool             weighted;
 
   PetscFunctionBeginUser;
@@ -52,16 +72,8 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   if (weighted) PetscCall(find_lowest_viscosity(fs, m, mu));
   /* strong nodes among soft ones are to yield less than these */
   if (FlowSolverHasPenalty(fs)) penalty_bound = 1 + fs->body.penalty->strength / fs->step.scale;
-  PetscCall(PetscMalloc1(l->nnode_all, &d));
-  PetscCall(FlowGetDiagonal(fs->flow, d));
+  if (!FlowSolverIsOnDevice(fs)) PetscCall(invert_diagonal(fs, m));
   PetscCall(FlowGetOperatorDiagonal(fs->flow, &more));
-  for (PetscInt i = 0; i < fs->nodal; i++) {
-    const PetscReal min = MIN_DIAGONAL * fs->step.scale * m[i / dim];
-
-    fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], min) : 0;
-  }
-  for (PetscInt j = 0; j < c->inert.n; j++) fs->diagonal_inverse[c->inert.slot[j]] = 0;
-  PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     const PetscReal mass_weight = weighted ? FlowSolverMassWeight(fs, mu[i]) : 1;
     /* the penalty goes with mu, and in a time step is taken as it is */
@@ -481,8 +493,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
   if (there) {
-    PetscCall(FlowSolverBuildRhsOnDevice(fs));
-    PetscCall(FlowSolverPackOnDevice(fs));
+    PetscCall(FlowSolverBuildRhsOnDevice(fs, g));
+    PetscCall(FlowSolverPackOnDevice(fs, U));
   } else {
     PetscCall(FlowSolverBuildRhs(fs, r, g));
     PetscCall(FlowSolverPack(fs, u, p, U, fs->vec.x));
@@ -506,7 +518,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   }
   fs->carry.solved = PETSC_FALSE;
   if (fs->nbodies && !fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->vec.x));
-  if (there) PetscCall(FlowSolverUnpackOnDevice(fs));
+  if (there) PetscCall(FlowSolverUnpackOnDevice(fs, U));
   else PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
   if (fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverAddFlowRateForces(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));

@@ -109,8 +109,9 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
    whose first part the velocity's solver has. */
 static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
 {
-  const PetscReal *e, *r;
-  PetscReal       *ua, *pa;
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const PetscReal   *e, *r;
+  PetscReal         *ua, *pa;
 
   PetscFunctionBeginUser;
   PetscCall(MatMultAdd(fs->op.G, t->q, t->w, t->w));
@@ -119,15 +120,16 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscCall(VecAXPY(t->g, -1, fs->vec.t_p));
   PetscCall(MatMult(fs->op.C, p, fs->vec.t_p));
   PetscCall(VecAXPY(t->g, -1, fs->vec.t_p));
-  PetscCall(VecGetArrayRead(t->w, &e));
-  PetscCall(VecGetArrayRead(t->g, &r));
-  PetscCall(VecGetArray(u, &ua));
-  PetscCall(VecGetArray(p, &pa));
-  PetscCall(CellRelaxApply(t->cells, e, r, ua, pa));
-  PetscCall(VecRestoreArray(p, &pa));
-  PetscCall(VecRestoreArray(u, &ua));
-  PetscCall(VecRestoreArrayRead(t->g, &r));
-  PetscCall(VecRestoreArrayRead(t->w, &e));
+  PetscCall(DeviceVecGetRead(q, t->w, &e));
+  PetscCall(DeviceVecGetRead(q, t->g, &r));
+  PetscCall(DeviceVecGet(q, u, &ua));
+  PetscCall(DeviceVecGet(q, p, &pa));
+  if (q) PetscCall(CellRelaxApplyOnDevice(t->cells, e, r, ua, pa));
+  else PetscCall(CellRelaxApply(t->cells, e, r, ua, pa));
+  PetscCall(VecRestoreArrayAndMemType(p, &pa));
+  PetscCall(VecRestoreArrayAndMemType(u, &ua));
+  PetscCall(VecRestoreArrayReadAndMemType(t->g, &r));
+  PetscCall(VecRestoreArrayReadAndMemType(t->w, &e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -384,7 +384,9 @@ static void check_restrict(Case *s)
   OK(PetscMalloc2(s->l->nnode_all * s->dim, &u, s->l->nnode_all * s->dim, &again));
   OK(ConstraintExpand(s->c, ur, u));
   for (PetscInt i = 0; i < NBODIES * s->nr; i++) all[i] = s->U[i];
-  OK(ConstraintGatherRigid(s->c, ur, all));
+  OK(VecGetArrayRead(ur, &x));
+  OK(ConstraintGatherRigid(s->c, x + s->l->nnode * s->dim, all));
+  OK(VecRestoreArrayRead(ur, &x));
   for (PetscInt i = 0; i < NBODIES * s->nr; i++)
     NEAR(all[i], (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i], 0);
   OK(ConstraintRestrict(s->c, u, all, back));

@@ -11,21 +11,17 @@ static PetscErrorCode list_cells(Pressure p, struct _p_PressureDevice *d)
 {
   const DeviceQueue *q = d->queue;
   const PetscInt     n = p->interior.n * 4;
-  PetscReal         *nothing;
   int               *slot;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n, &slot));
-  PetscCall(PetscCalloc1(n, &nothing));
   for (PetscInt i = 0; i < n; i++) slot[i] = (int)(p->interior.cell[i / 4] * 4 + i % 4);
   d->ninterior = (int)n;
   d->nshared   = (int)p->gap.n;
   PetscCall(DeviceRenew(q, n, slot, &d->interior, &d->capacity[5]));
-  PetscCall(DeviceRenew(q, n, nothing, &d->nothing, &d->capacity[6]));
-  PetscCall(DeviceRenewInts(q, p->gap.n, p->gap.cell, &d->shared, &d->capacity[7]));
-  PetscCall(DeviceRenew(q, p->gap.n * 4, NULL, &d->gap, &d->capacity[8]));
+  PetscCall(DeviceRenewInts(q, p->gap.n, p->gap.cell, &d->shared, &d->capacity[6]));
+  PetscCall(DeviceRenew(q, p->gap.n * 4, NULL, &d->gap, &d->capacity[7]));
   PetscCall(PetscFree(slot));
-  PetscCall(PetscFree(nothing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,7 +59,6 @@ PetscErrorCode PressureFreeBodiesOnDevice(Pressure p)
   PetscCall(DeviceFree(q, &d->cycle.shifted));
   PetscCall(DeviceFree(q, &d->interior));
   PetscCall(DeviceFree(q, &d->shared));
-  PetscCall(DeviceFree(q, &d->nothing));
   PetscCall(DeviceFree(q, &d->gap));
   PetscCall(DeviceFree(q, &d->constant));
   PetscCall(DeviceFree(q, &d->sums));
@@ -126,7 +121,7 @@ static PetscErrorCode clear_interior(struct _p_PressureDevice *d, PetscReal r[])
   const DeviceQueue *q = d->queue;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->set_slots)(q, d->ninterior, d->interior, d->nothing, r));
+  PetscCallDevice(q, (*q->run->fill_slots)(q, d->ninterior, d->interior, 0, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

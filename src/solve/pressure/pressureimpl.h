@@ -118,13 +118,13 @@ PetscErrorCode PressureTakeCycle(Pressure, PC);
 struct _p_PressureDevice {
   const DeviceQueue *queue;
   DevicePressure     cycle;
-  size_t             capacity[9], room[5];
+  size_t             capacity[8], room[5];
   int                ninterior, nshared; /* slots of cells inside of bodies; cells of GapCells */
   const int         *interior, *shared;
-  double            *nothing, *gap; /* [ninterior] zeros; [nshared][4] */
-  double            *constant;      /* [ncell][4] a constant pressure */
-  double            *sums;          /* [DEVICE_PARTIAL + 2] */
-  PetscReal         *here;          /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
+  double            *gap;      /* [nshared][4] */
+  double            *constant; /* [ncell][4] a constant pressure */
+  double            *sums;     /* [DEVICE_PARTIAL + 2] */
+  PetscReal         *here;     /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
   double            *correction, *all; /* of products, with blocks of other ranks */
 };
 

@@ -156,6 +156,16 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void ConstraintRestrictRigid(Constraint c, const PetscReal U[], PetscReal rigid[])
+{
+  for (PetscInt i = 0; i < c->view.count * c->view.nr; i++) rigid[i] = 0;
+  for (PetscInt i = 0; i < c->view.nown * c->view.nr; i++) {
+    const PetscInt k = c->own[i / c->view.nr], s = i % c->view.nr;
+
+    if (ConstraintIsUnknown(&c->view, k, s)) rigid[i] = U[k * c->view.nr + s] / ConstraintSlotUnit(&c->view, k, s);
+  }
+}
+
 PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const PetscReal U[], Vec ur)
 {
   const PetscInt n = c->view.loc->nnode * c->view.loc->dim;
@@ -171,12 +181,7 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
       x[c->relative_rows.slot[j]] -= c->relative_rows.coef[j * c->view.nr + s] *
                                      U[c->relative_rows.body[j] * c->view.nr + s];
   }
-  PetscCall(PetscArrayzero(x + n, c->view.count * c->view.nr));
-  for (PetscInt i = 0; i < c->view.nown * c->view.nr; i++) {
-    const PetscInt k = c->own[i / c->view.nr], s = i % c->view.nr;
-
-    x[n + i] = ConstraintIsUnknown(&c->view, k, s) ? U[k * c->view.nr + s] / ConstraintSlotUnit(&c->view, k, s) : 0;
-  }
+  ConstraintRestrictRigid(c, U, x + n);
   PetscCall(VecRestoreArray(ur, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -189,36 +194,30 @@ static void take_unknown(Constraint c, const PetscReal from[], PetscReal U[])
 }
 
 /* From the slots to the ranks that know their bodies */
-static PetscErrorCode gather_local(Constraint c, Vec ur, PetscReal U[])
+static PetscErrorCode gather_local(Constraint c, const PetscReal rigid[], PetscReal U[])
 {
-  const PetscReal *x;
-  PetscReal       *owner_slot;
+  PetscReal *owner_slot;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->view.nbodies * c->view.nr, &owner_slot));
-  PetscCall(VecGetArrayRead(ur, &x));
-  PetscCall(PetscSFBcastBegin(c->slots.owner_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, owner_slot,
-                              MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(c->slots.owner_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, owner_slot,
-                            MPI_REPLACE));
-  PetscCall(VecRestoreArrayRead(ur, &x));
+  PetscCall(PetscSFBcastBegin(c->slots.owner_sf, c->slots.type, rigid, owner_slot, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->slots.owner_sf, c->slots.type, rigid, owner_slot, MPI_REPLACE));
   take_unknown(c, owner_slot, U);
   PetscCall(PetscFree(owner_slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* From the slots to the shares by number, which are in the order of all */
-PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
+PetscErrorCode ConstraintGatherRigid(Constraint c, const PetscReal rigid[], PetscReal U[])
 {
-  const PetscInt   n = c->view.loc->nnode * c->view.loc->dim, own = c->slots.numbers->n * c->view.nr;
-  const PetscReal *x;
-  PetscReal       *all, *mine;
-  PetscMPIInt      size, rank, *counts, *starts;
-  PetscSF          sf;
+  const PetscInt own = c->slots.numbers->n * c->view.nr;
+  PetscReal     *all, *mine;
+  PetscMPIInt    size, rank, *counts, *starts;
+  PetscSF        sf;
 
   PetscFunctionBeginUser;
   if (c->slots.owner_slot) {
-    PetscCall(gather_local(c, ur, U));
+    PetscCall(gather_local(c, rigid, U));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCallMPI(MPI_Comm_size(c->view.comm, &size));
@@ -230,10 +229,8 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   }
   PetscCall(PetscSFCreate(c->view.comm, &sf));
   PetscCall(PetscSFSetGraphLayout(sf, c->slots.numbers, c->view.nown, NULL, PETSC_OWN_POINTER, c->own));
-  PetscCall(VecGetArrayRead(ur, &x));
-  PetscCall(PetscSFReduceBegin(sf, c->slots.type, x + n, mine, MPI_REPLACE));
-  PetscCall(PetscSFReduceEnd(sf, c->slots.type, x + n, mine, MPI_REPLACE));
-  PetscCall(VecRestoreArrayRead(ur, &x));
+  PetscCall(PetscSFReduceBegin(sf, c->slots.type, rigid, mine, MPI_REPLACE));
+  PetscCall(PetscSFReduceEnd(sf, c->slots.type, rigid, mine, MPI_REPLACE));
   PetscCall(PetscSFDestroy(&sf));
   PetscCallMPI(MPI_Allgatherv(mine, counts[rank], MPIU_REAL, all, counts, starts, MPIU_REAL, c->view.comm));
   take_unknown(c, all, U);

@@ -119,9 +119,11 @@ PetscErrorCode ConstraintExpand(Constraint, Vec ur, PetscReal u[]);
 /* ur = free nodal values of u (relative to the body at nodes that follow one) and, in the rigid slots, the unknown
    entries of U [nbodies][nr]; inert slots zero. Local. */
 PetscErrorCode ConstraintRestrict(Constraint, const PetscReal u[], const PetscReal U[], Vec ur);
-/* Rigid velocities of ur on every rank that knows a body: unknown entries of U [nbodies][nr] are set, known ones kept.
-   Collective. */
-PetscErrorCode ConstraintGatherRigid(Constraint, Vec ur, PetscReal U[]);
+/* Its rigid slots alone, rigid [count][nr]. Local. */
+void ConstraintRestrictRigid(Constraint, const PetscReal U[], PetscReal rigid[]);
+/* Rigid velocities of the slots of ur, rigid [count][nr], on every rank that knows a body: unknown entries of U
+   [nbodies][nr] are set, known ones kept. Collective. */
+PetscErrorCode ConstraintGatherRigid(Constraint, const PetscReal rigid[], PetscReal U[]);
 
 /* P as an assembled matrix, rows: own nodes x dim, columns: u_r. Inert columns are empty. Collective; caller destroys.
    */
