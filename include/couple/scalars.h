@@ -26,7 +26,7 @@ typedef struct {
 PetscErrorCode CoupleGetScalars(Couple, PetscInt *n, const CoupleScalar *scalar[]);
 /* ScalarsSetReader of the scalars, if there are any. Collective. */
 PetscErrorCode CoupleStartScalars(Couple, ScalarsReader);
-/* Value of scalar i at all nodes T [nnode_all] as last accepted, with its mean gradient. Not collective. */
+/* Value of scalar i at all nodes T [nnode_all] as last accepted, without its mean gradient. Not collective. */
 PetscErrorCode CoupleGetScalarField(Couple, PetscInt i, PetscReal T[]);
 /* Of scalar i around the bodies of all groups, as they and the fluid move now: layer [ngroups], cells PETSC_MAX_REAL
    where a group is none but the fluid's material. Collective. */

@@ -46,9 +46,11 @@ PetscErrorCode FieldsVisitState(void *fields, State);
    those of the laboratory. Local. */
 PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 
-/* Snapshots hold a further nodal field of this name (borrowed). Before the first snapshot. Local. */
-PetscErrorCode FieldsAddScalar(Fields, const char name[]);
-/* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. Local. */
+/* Snapshots hold a further nodal field of this name, with a mean gradient [dim] (both borrowed). Before the first
+   snapshot. Local. */
+PetscErrorCode FieldsAddScalar(Fields, const char name[], const PetscReal gradient[]);
+/* Their values in the next snapshot, without the mean gradient, [number of them][nnode_all]. Borrowed until
+   FieldsWrite. Local. */
 PetscErrorCode FieldsSetScalars(Fields, const PetscReal value[]);
 /* The next snapshots have phases, [own cells]: 0 the fluid around, 1 and up the groups of drops. Borrowed until
    FieldsWrite. Local. */

@@ -74,17 +74,6 @@ static PetscBool is_covered(const MeshLocal *l, PetscInt e, const PetscInt body[
   return PETSC_TRUE;
 }
 
-/* T' [nnode_all], without the mean gradient G of a periodic mesh */
-static PetscErrorCode get_periodic(Couple c, PetscInt i, const PetscReal G[3], PetscReal T[])
-{
-  const PetscInt dim = c->loc->dim;
-
-  PetscFunctionBeginUser;
-  PetscCall(CoupleGetScalarField(c, i, T));
-  for (PetscInt k = 0; k < c->loc->nnode_all * dim; k++) T[k / dim] -= G[k % dim] * c->loc->x[k];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode CoupleFindScalar(Couple c, const char name[], PetscInt *i)
 {
   const CoupleScalar *scalar;
@@ -110,7 +99,7 @@ PetscErrorCode CoupleAddPhoreticSlip(Couple c, PetscInt group, const PetscReal n
   PetscCall(CoupleFindScalar(c, BodySlipScalar(c->s->group[group].slip), &i));
   PetscCall(CoupleGetScalars(c, &n, &scalar));
   PetscCall(PetscCalloc2(l->nnode_all, &T, l->nnode_all * (dim + 1), &sum));
-  PetscCall(get_periodic(c, i, scalar[i].par->gradient, T));
+  PetscCall(CoupleGetScalarField(c, i, T));
   PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
   PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
   for (PetscInt e = 0; e < n; e++)

@@ -410,15 +410,11 @@ PetscErrorCode CoupleStartScalars(Couple c, ScalarsReader read)
 
 PetscErrorCode CoupleGetScalarField(Couple c, PetscInt i, PetscReal T[])
 {
-  const ScalarParameters *par = c->scalars->result[i].par;
-  PetscReal              *now;
+  PetscReal *now;
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsGetFields(c->scalars->scalars, i, &now, NULL));
-  for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
-    T[k] = now[k];
-    for (PetscInt a = 0; a < c->loc->dim; a++) T[k] += par->gradient[a] * c->loc->x[k * c->loc->dim + a];
-  }
+  PetscCall(PetscArraycpy(T, now, c->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

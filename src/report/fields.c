@@ -40,14 +40,17 @@ struct _p_Fields {
   PetscReal        interval;
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
-  PetscInt         mesh_step;
-  PetscInt         moves;                     /* those of MeshLocal when it was written */
-  PetscReal        offset[3], offset_mesh[3]; /* of the box in the laboratory: now, when it was written */
-  Points           points;                    /* while a snapshot is written */
-  PetscInt         nsnap, capacity;
-  Snapshot        *snapshot;
-  PetscInt         nscalar, scalar_capacity; /* of FieldsAddScalar */
-  const char     **scalar_name;
+  PetscInt  mesh_step;
+  PetscInt  moves;                     /* those of MeshLocal when it was written */
+  PetscReal offset[3], offset_mesh[3]; /* of the box in the laboratory: now, when it was written */
+  Points    points;                    /* while a snapshot is written */
+  PetscInt  nsnap, capacity;
+  Snapshot *snapshot;
+  PetscInt  nscalar, scalar_capacity; /* of FieldsAddScalar */
+  struct Carried {
+    const char      *name;
+    const PetscReal *gradient;
+  } * carried;
   const PetscReal *scalar;
   const PetscInt  *phase; /* NULL: there are no drops */
 };
@@ -115,6 +118,23 @@ static PetscErrorCode write_nodal(Fields o, Hdf5 file, const char name[], PetscI
   PetscCall(PointsEvaluate(p, o->mesh, bs, v, w));
   PetscCall(Hdf5WriteReals(file, name, p->n, bs, w));
   PetscCall(PetscFree(w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of those with a mean gradient it counts where the points are: images of nodes across a period have their own */
+static PetscErrorCode write_scalar(Fields o, Hdf5 file, PetscInt i)
+{
+  const Points *p = &o->points;
+  PetscReal    *w, *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(p->n, &w, 3 * p->n, &x));
+  PetscCall(PointsEvaluate(p, o->mesh, 1, o->scalar + i * o->loc->nnode_all, w));
+  PetscCall(PointsGetPositions(p, o->mesh, x));
+  for (PetscInt k = 0; k < p->n * o->loc->dim; k++)
+    w[k / o->loc->dim] += o->carried[i].gradient[k % o->loc->dim] * x[k / o->loc->dim * 3 + k % o->loc->dim];
+  PetscCall(Hdf5WriteReals(file, o->carried[i].name, p->n, 1, w));
+  PetscCall(PetscFree2(w, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -258,7 +278,7 @@ static void print_snapshot(FILE *f, const Fields o, const Snapshot *s, PetscBool
   if (s->body) XdmfAttribute(f, PETSC_TRUE, s->npoint, 1, "Node", "body", file, "body");
   if (s->conformation) XdmfAttribute(f, PETSC_FALSE, s->npoint, 6, "Node", "conformation", file, "conformation");
   for (PetscInt i = 0; i < o->nscalar && s->scalars; i++)
-    XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", o->scalar_name[i], file, o->scalar_name[i]);
+    XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", o->carried[i].name, file, o->carried[i].name);
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   if (s->phase) XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "phase", file, "phase");
@@ -484,11 +504,11 @@ PetscErrorCode FieldsMove(Fields o, const PetscReal offset[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FieldsAddScalar(Fields o, const char name[])
+PetscErrorCode FieldsAddScalar(Fields o, const char name[], const PetscReal gradient[])
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(o->nscalar + 1, &o->scalar_capacity, &o->scalar_name, sizeof(*o->scalar_name), NULL));
-  o->scalar_name[o->nscalar++] = name;
+  PetscCall(ArrayReserve(o->nscalar + 1, &o->scalar_capacity, &o->carried, sizeof(*o->carried), NULL));
+  o->carried[o->nscalar++] = (struct Carried){name, gradient};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -531,8 +551,7 @@ PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscR
   if (o->phase) PetscCall(Hdf5WriteInts(file, "phase", o->loc->ncell, 1, o->phase));
   if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
   if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
-  for (PetscInt i = 0; i < o->nscalar; i++)
-    PetscCall(write_nodal(o, file, o->scalar_name[i], 1, o->scalar + i * o->loc->nnode_all));
+  for (PetscInt i = 0; i < o->nscalar; i++) PetscCall(write_scalar(o, file, i));
   PetscCall(close_hdf5(o, name, &file));
   PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL),
                          (PetscBool)(conformation != NULL)));
@@ -547,7 +566,7 @@ PetscErrorCode FieldsDestroy(Fields *fields)
   if (!*fields) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PointsDestroy(&(*fields)->points));
   PetscCall(PetscFree((*fields)->snapshot));
-  PetscCall(PetscFree((*fields)->scalar_name));
+  PetscCall(PetscFree((*fields)->carried));
   PetscCall(PetscFree(*fields));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -190,7 +190,8 @@ static PetscErrorCode add_scalar_fields(SimComponents *sim)
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetScalars(sim->couple, &n, &scalar));
-  for (PetscInt i = 0; i < n; i++) PetscCall(FieldsAddScalar(sim->fields, scalar[i].par->name));
+  for (PetscInt i = 0; i < n; i++)
+    PetscCall(FieldsAddScalar(sim->fields, scalar[i].par->name, scalar[i].par->gradient));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -615,3 +615,14 @@ def test_fields_that_do_not_fit_are_refused(run, scene, tmp_path, change, option
     text = first.replace(*change).replace("salt: {conductivity: 0, initial: \"1+x\"}", "sugar: {conductivity: 1}") if "sugar" in change[1] else first.replace(*change)
     result = run([scene(text), options[0], tmp_path / options[1], "-output_dir", tmp_path / "second"])
     assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+def test_fields_with_a_mean_gradient_have_it_at_the_far_side(run, scene, tmp_path):
+    """Images of nodes across a period: x on both sides, not that of the node"""
+    import h5py
+
+    text = ("mesh: {cells: [4, 3], periodic: [x, y]}\nflow: {density: 1, viscosity: 1}\nscalars: heat\n"
+            "scalar: {heat: {conductivity: 1, gradient: [1, 0]}}\nsim: {steady: true}\noutput: {every: 1}\n")
+    assert run([scene(text), "-output_dir", tmp_path / "out"], 2).status == 0
+    with h5py.File(next((tmp_path / "out").glob("mesh*.h5"))) as mesh, h5py.File(tmp_path / "out" / "fields_1.h5") as fields:
+        assert abs(mesh["coordinates"][:, 0] - fields["heat"][:].ravel()).max() < 1e-9

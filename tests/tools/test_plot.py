@@ -177,6 +177,20 @@ def test_speed_at_its_place(run_dir):
         assert_colour(picture.at(x, y), colour_of("speed", made_up(x, y)[0], low, high), f"the fluid at ({x}, {y:.2f})")
 
 
+def test_colours_go_by_what_is_seen():
+    """Of a scalar: values outside of bodies and on their surfaces; nothing is known of what bodies cover"""
+
+    class Shot:
+        names = ["body", "heat"]
+        cells = np.array([[0, 1, 2], [2, 3, 4], [4, 5, 6]])
+
+        def __getitem__(self, name):
+            return np.array([[-1], [-1], [0], [0], [0], [0], [0]])
+
+    values = np.array([1.0, 2, 3, -50, 40, 70, 80])
+    assert list(draw.seen(Shot(), "heat", values)) == [1, 2, 3] and draw.seen(Shot(), "speed", values) is values
+
+
 def test_aggregates_and_bonds(run_dir):
     """Bodies that bonds join have one colour, others another one; a bond under pull is red, one under pressure blue."""
     circle = RADIUS * np.stack([np.cos(draw.ROUND), np.sin(draw.ROUND), 0 * draw.ROUND], 1)

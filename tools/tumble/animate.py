@@ -78,10 +78,16 @@ class Film:
             return draw.Slice(shot, self.field, *self.plane).values.ravel()
         return draw.scalars(shot, self.field) if self.has_fields else np.linalg.norm(shot.bodies["velocity"].reshape(-1, 3), axis=1)
 
+    def seen(self, shot):
+        """What of it the range of colours goes by."""
+        if self.space and self.has_fields:
+            return draw.Slice(shot, self.field, *self.plane).seen.ravel()
+        return draw.seen(shot, self.field, self.values(shot)) if self.has_fields else self.values(shot)
+
     def find_range(self):
         """The same colours in all frames, from some of them."""
         chosen = self.steps[:: max(1, len(self.steps) // 10)] + self.steps[-1:]
-        values = np.concatenate([self.values(self.run.snapshot(step=step)) for step in chosen])
+        values = np.concatenate([self.seen(self.run.snapshot(step=step)) for step in chosen])
         symmetric = self.has_fields and draw.look_of(self.field)[2]
         low, high = np.nanpercentile(values, [0.5, 99.5])
         high = max(abs(low), abs(high)) if symmetric else high

@@ -95,6 +95,14 @@ def scalars(shot, field, normal=2):
     return values[:, normal] if values.ndim == 2 else values
 
 
+def seen(shot, field, values):
+    """Values that the range of colours goes by: of what the flow carries those outside of bodies and on their surfaces, since bodies cover the rest."""
+    if field in FIELDS or "body" not in shot.names:
+        return values
+    outside = (np.ravel(shot["body"]) < 0)[shot.cells].any(1)
+    return values[np.unique(shot.cells[outside])] if outside.any() else values
+
+
 def colour_range(values, symmetric):
     """The few largest values at corners of bodies would leave no colour for the rest."""
     low, high = np.nanpercentile(values, [0.2, 99.8]) if symmetric else (np.nanmin(values), np.nanmax(values))
@@ -301,6 +309,10 @@ class Slice:
             self.values = np.linalg.norm(self.sample(shot, shot["velocity"]), axis=2)
         else:
             self.values = self.sample(shot, scalars(shot, field, axis))
+        self.seen = self.values  # what the range of colours goes by, as `seen` says
+        if field not in FIELDS and "body" in shot.names:
+            outside = self.sample(shot, (np.ravel(shot["body"]) >= 0).astype(float)) < 0.9
+            self.seen = self.values[outside] if outside.any() else self.values
 
     def sample(self, shot, values):
         return shot.sample(values, self.places.reshape(-1, 3)).reshape(len(self.y), len(self.x), *values.shape[1:])

@@ -169,7 +169,7 @@ def draw_field(picture, shot, field, cells):
     """A plane run, and its cells if they are wanted."""
     _, colours, symmetric = draw.look_of(field)
     values, box = draw.scalars(shot, field), draw.find_box(shot)
-    low, high = draw.colour_range(values, symmetric)
+    low, high = draw.colour_range(draw.seen(shot, field, values), symmetric)
     mesh = Triangulation(*shot.points[:, :2].T, draw.split_cells(shot.cells))
     figure, axes = plt.subplots(figsize=fit_figure(*box))
     image = axes.tripcolor(mesh, values, shading="gouraud", cmap=colours, vmin=low, vmax=high, rasterized=True)
@@ -192,7 +192,7 @@ def draw_slice(picture, shot, field, plane, name):
     """A plane through a run in space."""
     _, colours, symmetric = draw.look_of(field)
     cut = draw.Slice(shot, field, *plane)
-    low, high = draw.colour_range(cut.values, symmetric)
+    low, high = draw.colour_range(cut.seen, symmetric)
     figure, axes = plt.subplots(figsize=fit_figure(cut.lower, cut.upper))
     image = axes.pcolormesh(cut.x, cut.y, cut.values, shading="gouraud", cmap=colours, vmin=low, vmax=high, rasterized=True)
     colour = "black" if symmetric else "white"
