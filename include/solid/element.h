@@ -6,7 +6,8 @@
 #include "solid/law.h"
 #include "solid/reference.h"
 
-#define SOLID_MAX_N 81 /* unknowns of a cell */
+#define SOLID_MAX_N      81 /* unknowns of a cell */
+#define SOLID_MAX_AROUND 64 /* nodes of the cells around one of a membrane */
 /* Unknowns of the cells around a vertex of an even mesh, with room for some more: entries of a row */
 #define SOLID_ROW(dim) ((dim) == 2 ? 25 * 2 : 130 * 3)
 
@@ -14,6 +15,11 @@
    Returns the smallest J of its quadrature points. */
 PetscReal SolidCellForce(const SolidMesh *, const SolidMaterial *, PetscInt c, const PetscReal x[], PetscReal f[],
                          PetscReal K[]);
+/* Bending of a membrane: the energy, B/2 times the integral of the square of its curvature (the sum of both principal
+   ones), at x [nnode][dim]; f [nnode][dim] += its derivative (NULL: not wanted). A matrix that is near its second
+   derivative and nowhere negative is for each component sum_i v_i v_i^T over the nodes i, v_i at their neighbours in
+   laplace of the mesh from then on. */
+PetscReal SolidBend(const SolidMesh *, PetscReal bending, const PetscReal x[], PetscReal f[]);
 /* m [nb][nb] = int phi_i phi_j over the reference cell */
 void SolidCellMass(const SolidMesh *, PetscInt c, PetscReal m[]);
 /* V [nb * dim][nb * dim] = 2 eta int D(phi_i) : D(phi_j) over the cell as it is at x, with eta = 1 */

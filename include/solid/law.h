@@ -27,8 +27,9 @@ typedef enum {
 typedef struct {
   SolidLaw  law;
   PetscReal mu, lambda;
-  PetscReal kappa; /* of the isotropic part that others carry, 0: none */
-  PetscReal area;  /* of a membrane: what resists a change of area */
+  PetscReal kappa;   /* of the isotropic part that others carry, 0: none */
+  PetscReal area;    /* of a membrane: what resists a change of area */
+  PetscReal bending; /* likewise, force times length: see solid/element.h */
 } SolidMaterial;
 
 /* First Piola stress P [dim][dim] (P_iA by space i, reference A) at F [dim][dim], and its derivative by F, C

@@ -17,9 +17,9 @@ struct _p_ElasticAlign {
   PetscBool         *wanted, *aligned, *before; /* [n] */
   PetscInt          *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
   PetscInt           done;
-  PetscReal         *density; /* [ncell_all] */
-  PetscInt          *label;   /* [ncell_all] */
-  AlignTargets       targets; /* own nodes that get other old velocities */
+  PetscReal         *density;      /* [ncell_all] */
+  PetscInt          *label, *none; /* [ncell_all]; none: -1 */
+  AlignTargets       targets;      /* own nodes that get other old velocities */
 };
 
 PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticSurfaces surfaces,
@@ -40,7 +40,8 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(
     PetscCalloc5(s->nnode * s->dim, &f->x, s->n, &f->wanted, s->n, &f->aligned, s->n, &f->before, s->n, &f->waits));
-  PetscCall(PetscCalloc2(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label));
+  PetscCall(PetscCalloc3(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label, f->loc->ncell_all, &f->none));
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) f->none[c] = -1;
   PetscCall(AlignTargetsCreate(f->loc, 2, &f->targets));
   *align = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -62,7 +63,7 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
   PetscCall(AlignDestroy(&f->align));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree5(f->x, f->wanted, f->aligned, f->before, f->waits));
-  PetscCall(PetscFree2(f->density, f->label));
+  PetscCall(PetscFree3(f->density, f->label, f->none));
   PetscCall(AlignTargetsDestroy(&f->targets));
   PetscCall(PetscFree(*align));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -72,15 +73,17 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
 
 static PetscErrorCode carry_over(ElasticAlign f)
 {
-  const AlignResult *r = &f->result;
-  AlignTargets      *t = &f->targets;
+  const AlignResult *r     = &f->result;
+  AlignResult        fluid = *r; /* on both sides of a membrane */
+  AlignTargets      *t     = &f->targets;
   PetscReal         *u[2];
   RemapCount         count;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  PetscCall(AlignTargetsFind(t, r, NULL, NULL));
-  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before}, 2,
+  if (f->s->group[0].membrane) fluid.cell_surface = fluid.cell_before = f->none;
+  PetscCall(AlignTargetsFind(t, &fluid, NULL, NULL));
+  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){fluid.cell_before, r->side_before}, 2,
                           (const PetscReal *const *)u, t->value, &count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -95,7 +98,8 @@ static PetscErrorCode set_labels(ElasticAlign f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(f->flow, &par));
-  for (PetscInt k = 0; k < f->s->n; k++) any = (PetscBool)(any || f->aligned[k]);
+  for (PetscInt k = 0; k < f->s->n; k++)
+    any = (PetscBool)(any || (f->aligned[k] && !f->s->group[f->s->group_of[k]].membrane));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     f->label[c]   = f->result.cell_surface[c];
     f->density[c] = f->label[c] >= 0 ? 0 : par->density;

@@ -9,27 +9,27 @@
 #define WAY    1.0
 #define STRAIN 0.5
 
-/* Largest |grad u| (Frobenius) of solid k with velocities u [mesh.nnode][dim], at quadrature points */
+/* Largest |grad u| (Frobenius) of solid k with velocities u [mesh.nnode][dim], at quadrature points: G (F^T F)^-1 G^T
+   has its square as the trace, of a membrane that of the gradient along it */
 static PetscReal find_rate(const Elastic *e, PetscInt k, const PetscReal u[])
 {
-  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
-  const PetscInt   dim  = m->dim;
+  const SolidMesh *m   = &e->s->group[e->s->group_of[k]].mesh;
+  const PetscInt   dim = m->dim, nd = m->nd;
   PetscReal        most = 0;
 
   for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
-    PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N], F[9], inverse[9], G[9], square = 0;
+    PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N], F[9], C[9] = {0}, inverse[9], G[9], square = 0;
 
     SolidGather(m, i / m->nq, e->s->x + dim * e->s->first[k], xc);
     SolidGather(m, i / m->nq, u, uc);
     (void)SolidGradient(m, i / m->nq, i % m->nq, xc, F);
     (void)SolidGradient(m, i / m->nq, i % m->nq, uc, G);
-    (void)DenseInvertMap(dim, F, inverse);
-    for (PetscInt j = 0; j < dim * dim; j++) {
-      PetscReal d = 0;
-
-      for (PetscInt A = 0; A < dim; A++) d += G[j / dim * dim + A] * inverse[A * dim + j % dim];
-      square += d * d;
-    }
+    for (PetscInt j = 0; j < nd * nd; j++)
+      for (PetscInt a = 0; a < dim; a++) C[j] += F[a * nd + j / nd] * F[a * nd + j % nd];
+    if (nd == 1) inverse[0] = 1 / C[0];
+    else (void)DenseInvertMap(nd, C, inverse);
+    for (PetscInt j = 0; j < nd * nd; j++)
+      for (PetscInt a = 0; a < dim; a++) square += G[a * nd + j / nd] * inverse[j] * G[a * nd + j % nd];
     most = PetscMax(most, square);
   }
   return PetscSqrtReal(most);

@@ -99,6 +99,42 @@ static PetscErrorCode clear_matrix(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bending of solid k, by the rank that has the row of a node */
+static PetscErrorCode add_bending(Elastic *e, PetscInt k, PetscReal bdt)
+{
+  const SolidGroup *g   = e->s->group + e->s->group_of[k];
+  const SolidMesh  *m   = &g->mesh;
+  const PetscInt    dim = m->dim, first = e->s->first[k];
+  PetscReal        *f;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(dim * m->nnode, &f));
+  (void)SolidBend(m, g->material.bending, e->x + dim * first, f);
+  for (PetscInt i = PetscMax(0, e->nodes[0] - first); i < PetscMin(m->nnode, e->nodes[1] - first); i++) {
+    const PetscInt   n = m->around[i + 1] - m->around[i];
+    const PetscReal *v = m->laplace + m->around[i];
+    PetscReal        A[SOLID_MAX_AROUND * SOLID_MAX_AROUND], r[SOLID_MAX_AROUND];
+
+    for (PetscInt j = 0; j < n * n; j++) A[j] = bdt * v[j / n] * v[j % n];
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscInt own = dim * (first + i) + a;
+      PetscInt       row[SOLID_MAX_AROUND];
+      PetscReal      way = 0, force = -f[dim * i + a];
+
+      for (PetscInt j = 0; j < n; j++) {
+        row[j] = dim * (first + m->neighbour[m->around[i] + j]) + a;
+        way += v[j] * (e->a[row[j]] - e->x[row[j]]);
+      }
+      for (PetscInt j = 0; j < n; j++) r[j] = -v[j] * way;
+      PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
+      PetscCall(VecSetValues(e->fs, n, row, r, ADD_VALUES));
+      PetscCall(VecSetValue(e->fs, own, force, ADD_VALUES));
+    }
+  }
+  PetscCall(PetscFree(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* K and fs: cells go to the rank that has the row of their first node */
 static PetscErrorCode assemble_solids(Elastic *e, Couple c)
 {
@@ -124,6 +160,7 @@ static PetscErrorCode assemble_solids(Elastic *e, Couple c)
       PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
       PetscCall(VecSetValues(e->fs, n, row, r, ADD_VALUES));
     }
+    if (s->group[s->group_of[k]].material.bending > 0) PetscCall(add_bending(e, k, numbers.bdt));
   }
   PetscCall(ElasticAddContacts(e, 1 / c->step->ct));
   PetscCall(MatAssemblyBegin(e->K, MAT_FINAL_ASSEMBLY));
@@ -297,11 +334,13 @@ static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
 static PetscBool is_compliant(const Elastic *e, Couple c)
 {
   const PetscReal bdt       = 1 / c->step->ct;
-  PetscBool       compliant = (PetscBool)!e->align;
+  PetscBool       compliant = (PetscBool)(!e->align || e->s->group[0].membrane);
 
   for (PetscInt g = 0; g < e->s->ngroups; g++) {
     const SolidGroup *group     = e->s->group + g;
-    const PetscReal   stiffness = group->membrane ? group->material.mu / group->mesh.h : group->material.mu;
+    const PetscReal   h         = group->mesh.h;
+    const PetscReal   stiffness = group->membrane ? group->material.mu / h + group->material.bending / (h * h * h)
+                                                  : group->material.mu;
 
     compliant = (PetscBool)(compliant && bdt * stiffness + group->viscosity <= COMPLIANT * c->par->viscosity);
   }
@@ -321,7 +360,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
-  if (e->align) PetscCall(assemble_inertia(e, c));
+  if (e->align && !e->s->group[0].membrane) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
                             &(FlowOperator){.E         = e->E,
                                             .lumped    = e->align ? e->lumped : NULL,

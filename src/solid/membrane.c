@@ -8,7 +8,8 @@ typedef struct {
   PetscReal c[4], adj[4], I1, I2, W, W1, W2, W11, W22;
 } Point;
 
-static void evaluate(PetscInt dim, const SolidMaterial *m, const PetscReal F[], Point *p)
+/* c and its invariants; no energy */
+static void measure(PetscInt dim, const PetscReal F[], Point *p)
 {
   const PetscInt n = dim - 1;
 
@@ -21,7 +22,12 @@ static void evaluate(PetscInt dim, const SolidMaterial *m, const PetscReal F[], 
     p->adj[1] = p->adj[2] = -p->c[1];
     p->adj[3]             = p->c[0];
   }
-  p->I2  = p->c[0] * p->adj[0] + (n == 2 ? p->c[1] * p->adj[1] : 0) - 1;
+  p->I2 = p->c[0] * p->adj[0] + (n == 2 ? p->c[1] * p->adj[1] : 0) - 1;
+}
+
+static void evaluate(PetscInt dim, const SolidMaterial *m, const PetscReal F[], Point *p)
+{
+  measure(dim, F, p);
   p->W   = 0.25 * m->area * p->I2 * p->I2;
   p->W2  = 0.5 * m->area * p->I2;
   p->W22 = 0.5 * m->area;
@@ -41,7 +47,7 @@ static void evaluate(PetscInt dim, const SolidMaterial *m, const PetscReal F[], 
 }
 
 /* Change of S [n][n] with that of c, symmetric */
-static void differentiate(const Point *p, const PetscReal dc[], PetscReal dS[])
+static void differentiate_stress(const Point *p, const PetscReal dc[], PetscReal dS[])
 {
   const PetscInt n     = p->n;
   PetscReal      trace = 0, dI2 = 0;
@@ -57,14 +63,13 @@ static void differentiate(const Point *p, const PetscReal dc[], PetscReal dS[])
   }
 }
 
-PetscReal MembraneLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
+/* P and C of the energy whose derivatives the point has */
+static void differentiate_energy(PetscInt dim, const Point *p, const PetscReal F[], PetscReal P[], PetscReal C[])
 {
   const PetscInt n = dim - 1, all = dim * n;
   PetscReal      S[4], dc[4], dS[4];
-  Point          p;
 
-  evaluate(dim, m, F, &p);
-  for (PetscInt e = 0; e < n * n; e++) S[e] = 2 * (p.W1 * (e % (n + 1) == 0) + p.W2 * p.adj[e]);
+  for (PetscInt e = 0; e < n * n; e++) S[e] = 2 * (p->W1 * (e % (n + 1) == 0) + p->W2 * p->adj[e]);
   for (PetscInt e = 0; e < all; e++) {
     P[e] = 0;
     for (PetscInt k = 0; k < n; k++) P[e] += F[e / n * n + k] * S[k * n + e % n];
@@ -74,13 +79,35 @@ PetscReal MembraneLawStress(PetscInt dim, const SolidMaterial *m, const PetscRea
 
     for (PetscInt e = 0; e < n * n; e++)
       dc[e] = (e / n == B ? F[b * n + e % n] : 0) + (e % n == B ? F[b * n + e / n] : 0);
-    differentiate(&p, dc, dS);
+    differentiate_stress(p, dc, dS);
     for (PetscInt e = 0; e < all; e++) {
       C[e * all + f] = e / n == b ? S[B * n + e % n] : 0;
       for (PetscInt k = 0; k < n; k++) C[e * all + f] += F[e / n * n + k] * dS[k * n + e % n];
     }
   }
+}
+
+PetscReal MembraneLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
+{
+  Point p;
+
+  evaluate(dim, m, F, &p);
+  differentiate_energy(dim, &p, F, P, C);
   return PetscSqrtReal(PetscMax(0, 1 + p.I2));
+}
+
+PetscReal MembraneArea(PetscInt dim, const PetscReal F[], PetscReal Q[], PetscReal D[], PetscReal inverse[])
+{
+  PetscReal J;
+  Point     p;
+
+  measure(dim, F, &p);
+  J     = PetscSqrtReal(1 + p.I2);
+  p.W2  = 0.5 / J;
+  p.W22 = -0.25 / (J * J * J);
+  differentiate_energy(dim, &p, F, Q, D);
+  for (PetscInt e = 0; e < p.n * p.n && inverse; e++) inverse[e] = p.adj[e] / (J * J);
+  return J;
 }
 
 PetscReal MembraneLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F[])

@@ -28,6 +28,10 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_area_modulus", OPT_REAL, "force/length", OPT_FROM(0), "0; of skalak the surface modulus",
    .help = "what a membrane has against a change of area: C times the surface modulus in Skalak's law",
    .when = MEMBRANE, .also = "area_dilatation, dilatation_modulus"},
+  {"-particle_<group>_bending", OPT_REAL, "force length; in the plane force length^2 by length", OPT_FROM(0), "0",
+   .help =
+     "bending modulus of a membrane: the energy is half of it times the square of the curvature, the sum of both principal ones",
+   .when = MEMBRANE, .also = "bending_modulus, bending_stiffness, bending_rigidity"},
   {"-particle_<group>_clamp", OPT_REALS, "", OPT_ANY, "",
    .help = "expression of the position in space at the start: the solid's nodes where it is above zero are held",
    .when = ELASTIC, .variables = "x, y, z", .also = "anchor, hold, fix", .find = "clamped, anchored"},

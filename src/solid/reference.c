@@ -240,6 +240,8 @@ PetscErrorCode SolidMeshDestroy(SolidMesh *m)
   PetscCall(PetscFree3(m->cell_node, m->X, m->phi));
   PetscCall(PetscFree2(m->grad, m->weight));
   PetscCall(PetscFree(m->side));
+  PetscCall(PetscFree(m->around));
+  PetscCall(PetscFree3(m->neighbour, m->laplace, m->curvature));
   *m = (SolidMesh){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -63,6 +63,7 @@ static PetscErrorCode read_membrane(SolidGroup *g)
              "Group '%s' is a membrane and has no surface modulus: give %s", g->name, name);
   g->material.area = law ? g->material.mu : 0;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_area_modulus", name), &g->material.area));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_bending", name), &g->material.bending));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

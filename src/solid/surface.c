@@ -7,6 +7,7 @@
 #include "fem/element.h"
 #include "fem/gauss.h"
 #include "figure.h"
+#include "membrane.h"
 #include "shape/host.h"
 
 #define MIN_CELLS 2    /* across the box */
@@ -251,6 +252,7 @@ PetscErrorCode SolidMeshCreateMembrane(Shape shape, const char name[], PetscInt 
   for (PetscInt i = 0; i < dim * m->nnode; i++) m->X[i] -= f.centre[0][i % dim];
   PetscCall(PetscArraycpy(m->side, m->cell_node, m->ncell * m->nb));
   for (PetscInt c = 0; c < m->ncell; c++) measure_cell(m, c, &largest);
+  PetscCall(BendingCreate(m));
   m->h = dim == 2 ? largest : PetscSqrtReal(largest);
   for (PetscInt i = 0; i < m->nnode; i++) {
     PetscReal r = 0;

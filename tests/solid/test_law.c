@@ -4,11 +4,11 @@
 #include "core.h"
 #include "solid/law.h"
 
-static const SolidMaterial MATERIALS[] = {{SOLID_NEO_HOOKEAN, 1.3, 0, 0, 0},
-                                          {SOLID_NEO_HOOKEAN, 1.3, 2.1, 0, 0},
-                                          {SOLID_NEO_HOOKEAN, 1.3, 2.1, 0.7, 0},
-                                          {SOLID_ST_VENANT_KIRCHHOFF, 1.3, 2.1, 0, 0},
-                                          {SOLID_ST_VENANT_KIRCHHOFF, 1.3, 2.1, 2.1, 0}};
+static const SolidMaterial MATERIALS[] = {{.law = SOLID_NEO_HOOKEAN, .mu = 1.3},
+                                          {.law = SOLID_NEO_HOOKEAN, .mu = 1.3, .lambda = 2.1},
+                                          {.law = SOLID_NEO_HOOKEAN, .mu = 1.3, .lambda = 2.1, .kappa = 0.7},
+                                          {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .lambda = 2.1},
+                                          {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .lambda = 2.1, .kappa = 2.1}};
 #define NMATERIALS 5
 
 static void some_gradient(PetscInt dim, PetscReal F[])

@@ -5,9 +5,9 @@
 #include "core.h"
 #include "solid/solid.h"
 
-static const SolidMaterial MATERIALS[] = {{SOLID_MEMBRANE_NEO_HOOKEAN, 1.3, 0, 0, 0},
-                                          {SOLID_MEMBRANE_NEO_HOOKEAN, 1.3, 0, 0, 0.8},
-                                          {SOLID_MEMBRANE_SKALAK, 1.3, 0, 0, 2.6}};
+static const SolidMaterial MATERIALS[] = {{.law = SOLID_MEMBRANE_NEO_HOOKEAN, .mu = 1.3},
+                                          {.law = SOLID_MEMBRANE_NEO_HOOKEAN, .mu = 1.3, .area = 0.8},
+                                          {.law = SOLID_MEMBRANE_SKALAK, .mu = 1.3, .area = 2.6}};
 #define NMATERIALS 3
 
 static void test_tangent(void **state)
@@ -164,10 +164,52 @@ static void test_force(void **state)
   }
 }
 
+/* Bending: the energy of a circle and a sphere; forces are its derivative; the matrix is not negative and takes a
+   uniform motion for nothing */
+static void test_bending(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    const PetscReal  h = 1e-5, exact = dim == 2 ? PETSC_PI / 0.7 : 8 * PETSC_PI;
+    SolidsState     *s;
+    Solids           b = open_membrane(dim, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.15, &s);
+    const SolidMesh *m = &s->group[0].mesh;
+    PetscReal        coarse, energy[2], *f;
+
+    coarse = SolidBend(m, 1, s->x, NULL) - exact;
+    OK(SolidsDestroy(&b));
+    b = open_membrane(dim, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.075, &s);
+    BELOW(SolidBend(&s->group[0].mesh, 1, s->x, NULL) - exact, PetscAbsReal(coarse) / 3.5);
+    OK(SolidsDestroy(&b));
+    b = open_membrane(dim, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.5, &s);
+    m = &s->group[0].mesh;
+    for (PetscInt e = 0; e < dim * s->nnode; e++) s->x[e] += 0.02 * noise(e);
+    OK(PetscCalloc1(dim * s->nnode, &f));
+    (void)SolidBend(m, 1.7, s->x, f);
+    for (PetscInt i = 0; i < s->nnode; i++) {
+      PetscReal sum = 0;
+
+      for (PetscInt e = m->around[i]; e < m->around[i + 1]; e++) sum += m->laplace[e];
+      BELOW(sum, 1e-10);
+    }
+    for (PetscInt e = 0; e < dim * s->nnode; e += 7) {
+      for (PetscInt side = 0; side < 2; side++) {
+        s->x[e] += side ? -2 * h : h;
+        energy[side] = SolidBend(m, 1.7, s->x, NULL);
+      }
+      s->x[e] += h;
+      NEAR(f[e], (energy[0] - energy[1]) / (2 * h), 1e-5 * (1 + PetscAbsReal(f[e])));
+    }
+    OK(PetscFree(f));
+    OK(SolidsDestroy(&b));
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_tangent), cmocka_unit_test(test_textbook),
-                                     cmocka_unit_test(test_surface), cmocka_unit_test(test_force)};
+                                     cmocka_unit_test(test_surface), cmocka_unit_test(test_force),
+                                     cmocka_unit_test(test_bending)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
