@@ -4,6 +4,7 @@ import csv
 import functools
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -626,3 +627,14 @@ def test_fields_with_a_mean_gradient_have_it_at_the_far_side(run, scene, tmp_pat
     assert run([scene(text), "-output_dir", tmp_path / "out"], 2).status == 0
     with h5py.File(next((tmp_path / "out").glob("mesh*.h5"))) as mesh, h5py.File(tmp_path / "out" / "fields_1.h5") as fields:
         assert abs(mesh["coordinates"][:, 0] - fields["heat"][:].ravel()).max() < 1e-9
+
+
+def test_orders_are_three_in_space_and_two_in_time(tmp_path):
+    """What runs/studies/scalars/orders.py measures, at its coarsest"""
+    sys.path.insert(0, str(ROOT / "runs" / "studies" / "scalars"))
+    import orders
+
+    build = ROOT / os.environ.get("TUMBLE_BUILD", "build")
+    assert orders.orders([orders.measure_space(build, cells) for cells in (8, 16)])[0] > 2.8
+    for scheme in ("bdf2", "cn"):
+        assert 1.9 < orders.orders([orders.measure_time(build, step, scheme) for step in (0.2, 0.1)])[0] < 2.2
