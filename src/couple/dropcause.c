@@ -4,6 +4,7 @@
 #include "impl.h"
 #include "base/log.h"
 #include "fem/edge.h"
+#include "flow/condition.h"
 
 #define NEAR  2.0  /* cells around the place that are looked at */
 #define FAST  0.7  /* such a way is said to be the cause */
@@ -15,7 +16,8 @@ typedef struct {
   PetscReal x[3], h;
   PetscReal way;    /* largest way of the interface in the step, cells; likewise: */
   PetscReal narrow; /* least distance to a part of the interface that faces it, film or neck */
-  PetscReal wall;   /* least distance to a side of the domain */
+  PetscReal wall;   /* least distance to a side of the domain, */
+  PetscInt  side;   /* which is that one: 2 axis + (upper one) */
   PetscReal bend;   /* least radius of curvature, by the ends of an edge */
 } Cause;
 
@@ -56,22 +58,52 @@ static void look_around(const MeshLocal *l, const PhaseInterface *f, PetscInt dr
 
     if (!PhaseInterfacePiece(f, e, &of, &middle) || (drop < 0 ? !is_near(l, w, middle) : of != drop)) continue;
     if (l->dim == 2) look_at_edge(&f->curve, e, w);
-    for (PetscInt a = 0; a < l->dim; a++)
-      if (l->period[a] == 0)
-        w->wall = PetscMin(w->wall, PetscMin(middle[a] - l->lower[a], l->upper[a] - middle[a]) / w->h);
+    for (PetscInt side = 0; side < 2 * l->dim; side++) {
+      const PetscInt  a   = side / 2;
+      const PetscReal gap = (side % 2 ? l->upper[a] - middle[a] : middle[a] - l->lower[a]) / w->h;
+
+      if (l->period[a] > 0 || gap >= w->wall) continue;
+      w->wall = gap;
+      w->side = side;
+    }
   }
 }
 
-/* What is worst */
-static void describe(const Cause *w, char text[], size_t len)
+/* Name of the opening that the whole side is, NULL: it is none */
+static PetscErrorCode find_opening(Couple c, PetscInt side, const char **name)
 {
-  if (w->way > FAST)
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  *name = NULL;
+  PetscCall(MeshGetBoundaryCount(c->mesh, &n));
+  for (PetscInt b = 0; b < n && !*name; b++) {
+    PetscInt  on;
+    PetscBool wall, open;
+
+    PetscCall(MeshGetBoundarySides(c->mesh, b, &on));
+    PetscCall(ConditionsGetKind(FlowConditions(c->flow), b, &wall, &open));
+    if (open && on == 1 << side) PetscCall(MeshGetBoundaryName(c->mesh, b, name));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What is worst; opening: the nearest side is, NULL: it is a wall */
+static void describe(const Cause *w, const char opening[], char text[], size_t len)
+{
+  if (w->wall < 1.5 && opening)
+    (void)
+      snprintf(text, len,
+               "it has come to the opening '%s', through which drops cannot leave yet: end the run before that (-sim_time), or move the opening "
+               "farther away (-mesh_lower, -mesh_upper)",
+               opening);
+  else if (w->way > FAST)
     (void)snprintf(text, len, "the interface goes %.2g cells in a step: lower -sim_dt", (double)w->way);
   else if (w->wall < 1.5)
     (void)
       snprintf(text, len,
                "the interface is %.2g cells from a side of the domain, where a film of the fluid around stays: keep drops away from sides that "
-               "they do not wet, and from openings, or use smaller cells (-mesh_cells)",
+               "they do not wet, or use smaller cells (-mesh_cells)",
                (double)PetscMax(0, w->wall));
   else if (w->narrow < 1)
     (void)snprintf(text, len, "there is a film or a neck of %.2g cells: use smaller cells (-mesh_cells)",
@@ -104,12 +136,14 @@ PetscErrorCode DropsStop(CoupleDrops *f, Couple c)
 {
   const PetscReal *x = f->result.flat;
   Cause            w = {.x = {x[0], x[1], x[2]}, .h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
+  const char      *opening;
   char             why[256];
 
   PetscFunctionBeginUser;
   look_around(c->loc, &f->interface, -1, &w);
   PetscCall(find_way(f, c, -1, &w));
-  describe(&w, why, sizeof(why));
+  PetscCall(find_opening(c, w.side, &opening));
+  describe(&w, opening, why, sizeof(why));
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT, "The mesh cannot be lined up with the drops at t = %g near (%g, %g, %g): %s",
           (double)c->step->time, (double)x[0], (double)x[1], (double)(c->loc->dim == 3 ? x[2] : 0), why);
 }
@@ -123,12 +157,14 @@ PetscErrorCode DropsCheckVolumes(CoupleDrops *f, Couple c)
     const Drop     *d     = s->drop + k;
     const PetscReal error = d->sums.area / d->target - 1;
     Cause           w     = {.h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
+    const char     *opening;
     char            why[256];
 
     if (PetscAbsReal(error) <= WRONG || d->target <= TINY * PetscPowRealInt(c->loc->h, (int)c->loc->dim)) continue;
     look_around(c->loc, &s->interface, d->number, &w);
     PetscCall(find_way(f, c, d->number, &w));
-    describe(&w, why, sizeof(why));
+    PetscCall(find_opening(c, w.side, &opening));
+    describe(&w, opening, why, sizeof(why));
     SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
             "The volume of drop %" PetscInt_FMT " ('%s') is off by %.2g %% at t = %g, centre (%g, %g, %g): %s",
             d->number, s->group[d->group].name, (double)(100 * error), (double)c->step->time, (double)d->sums.centre[0],

@@ -247,6 +247,23 @@ def test_checkpoint_beside_falling_disc(run, scene):
     assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)  # the disc turned 5 % slower before
 
 
+LEAVES = """
+mesh: {cells: [16, 8], upper: [2, 1]}
+flow: {solver: direct, density: 1, viscosity: 0.1, bc_left: {type: inflow, velocity: [1, 0]}, bc_right: {type: outflow}, bc_top: {type: slip}, bc_bottom: {type: slip}}
+particle:
+  groups: drop
+  drop: {shape: circle, radius: 0.25, position: [1.5, 0.5], material: fluid, surface_tension: 1}
+sim: {dt: 0.04, time: 2}
+output: {every: 0}
+"""
+
+
+def test_opening(run, scene):
+    """A drop that comes to an opening stops the run with a message that says so."""
+    result = run([scene(LEAVES), "-output_dir", "out"])
+    assert result.status and "has come to the opening 'right'" in result.err and result.err.count("error:") == 1, str(result)
+
+
 FLOATS = [RUNS / "disc-at-interface.yaml", "-mesh_cells", "24,18", "-sim_dt", "0.1", "-output_every", "0"]
 
 
