@@ -1,7 +1,9 @@
 /* Curves of quadratic edges: area, length, centre and moments of an ellipse; closest points with their sign; holes and
-   loops that overlap; a shift along the normals; who descends from whom. */
+   loops that overlap; a shift along the normals; who descends from whom; contact
+   angles on what is solid. */
 /* ranks: 1 2 */
 #include "core.h"
+#include "fem/edge.h"
 #include "phase/drops.h"
 
 #define EDGES 200
@@ -197,11 +199,70 @@ static void test_descent(void **state)
   (void)DropsDestroy(&drops);
 }
 
+/* A disc of radius .4 at (1, .1) with the contact angle *ctx */
+static PetscErrorCode disc(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[])
+{
+  for (PetscInt i = 0; i < n; i++) {
+    d[i] = PetscHypotReal(x[2 * i] - 1, x[2 * i + 1] - 0.1) - 0.4;
+    if (angle) angle[i] = *(const PetscReal *)ctx;
+  }
+  return PETSC_SUCCESS;
+}
+
+/* Angle inside the drop at which an edge, one end of which is in the disc, meets its surface */
+static PetscReal angle_of(PetscReal (*const p)[2], PetscReal first)
+{
+  const PetscReal in  = first < 0 ? 1 : -1; /* -1: into the disc */
+  PetscReal       low = -1, high = 1, y[2], t[2], d, n[2];
+
+  for (PetscInt i = 0; i < 60; i++) {
+    EdgeEvaluate(p, 0.5 * (low + high), y, t);
+    (void)disc(NULL, 1, y, &d, NULL);
+    *((d < 0) == (first < 0) ? &low : &high) = 0.5 * (low + high);
+  }
+  n[0] = (y[0] - 1) / 0.4;
+  n[1] = (y[1] - 0.1) / 0.4;
+  return PetscAcosReal(in * (t[0] * -in * n[1] + t[1] * in * n[0]) / PetscHypotReal(t[0], t[1]));
+}
+
+/* A drop into which a disc has come ends on it at the contact angle; elsewhere it is as before. */
+static void test_meet(void **state)
+{
+  const PetscReal of[1][5] = {{0, 0, 1, 1, 1}};
+  const PetscInt  drop[1]  = {4};
+
+  (void)state;
+  for (PetscReal angle = 0.8; angle < 2.5; angle += 0.4) {
+    PhaseCurve c     = ellipses(1, of, drop);
+    PetscInt   found = 0;
+    PhasePoint p;
+
+    assert_int_equal(PhaseCurveMeet(&c, &(PhaseSolid){.ctx = &angle, .h = 0.15, .distance = disc}), 0);
+    assert_int_equal(c.nloop, 1);
+    for (PetscInt e = 0; e < c.n; e++) {
+      PetscReal d[3];
+
+      assert_int_equal(c.drop[e], 4);
+      BELOW(EdgeDistance2(c.x[e][2], c.x[c.next[e]][0]), 1e-28);
+      (void)disc(NULL, 3, c.x[e][0], d, NULL);
+      if ((d[0] < -1e-9 && d[2] > -1e-9) || (d[0] > 1e-9 && d[2] < 1e-9)) {
+        NEAR(angle_of(c.x[e], d[0]), angle, 0.02);
+        found++;
+      }
+    }
+    assert_int_equal(found, 2);
+    PhaseCurveClosest(&c, (const PetscReal[2]){-0.9, 0}, 1, &p);
+    NEAR(p.d, -0.1, 1e-8);
+    (void)PhaseCurveDestroy(&c);
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),    cmocka_unit_test(test_closest),
                                      cmocka_unit_test(test_shift),   cmocka_unit_test(test_gather),
-                                     cmocka_unit_test(test_contour), cmocka_unit_test(test_descent)};
+                                     cmocka_unit_test(test_contour), cmocka_unit_test(test_descent),
+                                     cmocka_unit_test(test_meet)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
