@@ -196,6 +196,8 @@ PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], Pet
                                 PetscReal volume[6]);
 /* Force [3] of the fluid on elastic solid k in the last step, without buoyancy; 0 without solids. Local. */
 PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
+/* Error of the volume of elastic solid k that was put right at the end of the last step. Local. */
+PetscReal CoupleGetVolumeKept(Couple, PetscInt k);
 /* Has any body slip (bodies/slip.h)? Local. */
 PetscBool CoupleHasSlip(Couple);
 /* After CoupleForce: *speed, mean of the velocities of bodies with slip along their directions of swimming, *power, sum

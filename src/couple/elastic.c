@@ -10,6 +10,7 @@
 #include "couple/participant.h"
 
 #define FAR        2    /* over the way that a step stands */
+#define LOST       0.1  /* of a volume in a step */
 #define ON_SURFACE 1e-6 /* of the smallest cell: such nodes are on a rigid body */
 
 /* ---- life cycle ---- */
@@ -71,6 +72,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(VecDestroy(&e->all));
   PetscCall(VecScatterDestroy(&e->gather));
   PetscCall(PetscFree6(e->x, e->a, e->u, e->end, e->load, e->change));
+  PetscCall(PetscFree(e->kept));
   c->elastic = NULL;
   PetscCall(ElasticSurfacesDestroy(&e->surfaces));
   PetscCall(PetscFree(e->corner));
@@ -275,7 +277,8 @@ static PetscErrorCode solved(Couple c, void *data)
   for (PetscInt k = 0; k < e->s->n; k++) {
     const SolidGroup *g = e->s->group + e->s->group_of[k];
 
-    if (g->membrane) PetscCall(SolidKeepVolume(&g->mesh, g->clamped, e->end + e->s->dim * e->s->first[k]));
+    if (g->membrane || (!g->compressible && !g->nclamped))
+      PetscCall(SolidKeepVolume(&g->mesh, g->clamped, e->end + e->s->dim * e->s->first[k], e->kept + k));
   }
   PetscCall(measure_force(e, c));
   measure_change(e, c->step);
@@ -338,6 +341,12 @@ static PetscErrorCode advance(Couple c, void *data)
                 "(%g), at the start at least",
                 (double)ratio, (double)c->step->time, (double)c->step->dt));
   e->told = (PetscBool)(e->told || ratio > FAR);
+  for (PetscInt k = 0; k < e->s->n; k++)
+    PetscCheck(PetscAbsReal(e->kept[k]) < LOST, c->comm, PETSC_ERR_USER_INPUT,
+               "An elastic particle of group '%s' changes its volume by %.2g in the step to t = %g: the step does not follow it, or what is around it is "
+               "not resolved; use a shorter step (-sim_dt %g) or smaller cells",
+               e->s->group[e->s->group_of[k]].name, (double)e->kept[k], (double)c->step->time,
+               (double)(0.5 * c->step->dt));
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -469,6 +478,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   n = e->s->nnode * e->s->dim;
   PetscCall(PetscMalloc6(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
                          &e->change));
+  PetscCall(PetscCalloc1(e->s->n, &e->kept));
   PetscCall(PetscArrayzero(e->load, e->s->n * e->s->dim));
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;
@@ -477,6 +487,11 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(give_corners(e, c));
   PetscCall(CoupleAddParticipant(c, &ELASTIC, e));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal CoupleGetVolumeKept(Couple c, PetscInt k)
+{
+  return c->elastic ? c->elastic->kept[k] : 0;
 }
 
 PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])

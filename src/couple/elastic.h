@@ -76,6 +76,7 @@ typedef struct Elastic {
   PetscReal      *volume_C, *volume_g;
   PetscReal       supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
   PetscReal      *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal      *kept;     /* [solids] error of the volume that was put right at the end of the step */
   PetscReal      *change;   /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 

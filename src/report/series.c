@@ -118,6 +118,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"solid_force_x_<group>", "force", 12, "force of the fluid on all, as that on rigid bodies without buoyancy"},
   {"solid_force_y_<group>", "force", 12, ""},
   {"solid_force_z_<group>", "force", 12, "in space"},
+  {"solid_volume_kept_<group>", "", 12,
+   "of an incompressible one that is not held, and of membranes: error of its volume in the step, put right at its end by moving its nodes away from the centroid (of a membrane along its normal); of several the one furthest off"},
   {"solid_area_error_<group>", "", 12,
    "of a membrane: its area (in the plane length) over that at the start, less 1; of several the mean"},
   {"watch_<x|y|z>_<group>_<i>", "length", 12, "displacement of point i of -particle_<group>_watch since the start"},

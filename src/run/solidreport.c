@@ -15,6 +15,7 @@ enum {
   OF_INCLINATION,
   OF_FORCE_X,
   OF_FORCE_Y,
+  OF_KEPT,
   NPLANE,
   OF_Z = NPLANE,
   OF_W,
@@ -26,14 +27,16 @@ enum {
   NGROUP
 };
 
-static const char *const NAMES[NGROUP] = {"x",       "y",       "u",           "v",       "volume_error", "energy",
-                                          "stretch", "taylor",  "inclination", "force_x", "force_y",      "z",
-                                          "w",       "force_z", "axis_x",      "axis_y",  "axis_z",       "area_error"};
+static const char *const NAMES[NGROUP] = {"x",       "y",           "u",      "v",           "volume_error",
+                                          "energy",  "stretch",     "taylor", "inclination", "force_x",
+                                          "force_y", "volume_kept", "z",      "w",           "force_z",
+                                          "axis_x",  "axis_y",      "axis_z", "area_error"};
 
 /* In space a direction takes the place of the angle */
 static PetscBool has_column(const SolidGroup *g, PetscInt dim, PetscInt i)
 {
   if (i == OF_AREA) return g->membrane;
+  if (i == OF_KEPT) return (PetscBool)!g->compressible;
   return (PetscBool)(dim == 2 ? i < NPLANE : i != OF_INCLINATION);
 }
 
@@ -44,7 +47,7 @@ struct _p_SolidReport {
   Monitor      monitor;
   PetscInt (*column)[NGROUP]; /* [ngroups] */
   PetscInt *watch;            /* columns of all watched points, dim each */
-  PetscReal worst;            /* largest error of an incompressible volume so far */
+  PetscReal worst, kept;      /* largest error of an incompressible volume so far; one that was put right */
 };
 
 PetscErrorCode SolidReportCreate(const SimComponents *sim, SolidReport *report)
@@ -119,7 +122,9 @@ static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
   v[OF_FORCE_Z] = force[2];
   v[OF_FORCE_X] = force[0];
   v[OF_FORCE_Y] = force[1];
+  v[OF_KEPT]    = r->couple ? CoupleGetVolumeKept(r->couple, k) : 0;
   v[OF_AREA]    = group->membrane ? sums.area / group->mesh.area - 1 : 0;
+  r->kept       = PetscMax(r->kept, PetscAbsReal(v[OF_KEPT]));
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -136,7 +141,7 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
 
     PetscCall(measure(r, k, v));
     for (PetscInt i = 0; i < NGROUP; i++) {
-      if (i == OF_VOLUME) all[i] = PetscAbsReal(v[i]) > PetscAbsReal(all[i]) ? v[i] : all[i];
+      if (i == OF_VOLUME || i == OF_KEPT) all[i] = PetscAbsReal(v[i]) > PetscAbsReal(all[i]) ? v[i] : all[i];
       else if (i == OF_STRETCH) all[i] = PetscMax(all[i], v[i]);
       else
         all[i] += i == OF_ENERGY || i == OF_FORCE_X || i == OF_FORCE_Y || i == OF_FORCE_Z
@@ -167,6 +172,7 @@ PetscErrorCode SolidReportStep(SolidReport r)
       }
   }
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_error_max", r->worst));
+  PetscCall(MonitorQuantity(r->monitor, "solid_volume_kept_max", r->kept));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

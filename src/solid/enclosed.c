@@ -1,4 +1,4 @@
-/* What a membrane encloses is kept: see solid/element.h. */
+/* What a membrane encloses, and the volume of a solid, is kept: see solid/element.h. */
 #include "compat.h"
 #include "solid/element.h"
 #include "membrane.h"
@@ -44,15 +44,51 @@ static void find_normals(const SolidMesh *m, const PetscBool held[], const Petsc
   }
 }
 
-PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal x[])
+/* The volume of a solid and its centroid */
+static PetscReal find_volume(const SolidMesh *m, const PetscReal x[], PetscReal centroid[3])
+{
+  PetscReal volume = 0;
+
+  for (PetscInt a = 0; a < 3; a++) centroid[a] = 0;
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+    PetscReal xc[SOLID_MAX_N], F[9], at[3], w;
+
+    SolidGather(m, i / m->nq, x, xc);
+    w = m->weight[i] * SolidGradient(m, i / m->nq, i % m->nq, xc, F);
+    SolidLocate(m, i % m->nq, xc, at);
+    volume += w;
+    for (PetscInt a = 0; a < 3; a++) centroid[a] += w * at[a];
+  }
+  for (PetscInt a = 0; a < 3; a++) centroid[a] /= volume;
+  return volume;
+}
+
+/* All of a solid as much larger or smaller */
+static void scale(const SolidMesh *m, PetscReal x[], PetscReal *error)
+{
+  PetscReal       centroid[3];
+  const PetscReal volume = find_volume(m, x, centroid),
+                  factor = PetscPowReal(m->volume / volume, 1 / (PetscReal)m->dim);
+
+  *error = volume / m->volume - 1;
+  for (PetscInt i = 0; i < m->nnode * m->dim; i++) x[i] = centroid[i % m->dim] + factor * (x[i] - centroid[i % m->dim]);
+}
+
+PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal x[], PetscReal *error)
 {
   PetscReal *n, volume, rate;
 
   PetscFunctionBeginUser;
+  *error = 0;
+  if (!SolidIsMembrane(m)) {
+    scale(m, x, error);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscMalloc1(m->dim * m->nnode, &n));
   for (PetscInt it = 0; it < VOLUME_IT; it++) {
     PetscCall(PetscArrayzero(n, m->dim * m->nnode));
     find_normals(m, held, x, &volume, n, &rate);
+    if (!it) *error = volume / m->volume - 1;
     if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume) break;
     for (PetscInt i = 0; i < m->dim * m->nnode; i++) x[i] += (m->volume - volume) / rate * n[i];
   }

@@ -118,7 +118,7 @@ static void test_force(void **state)
     const SolidMesh *m = &s->group[0].mesh;
     const PetscInt   n = m->nb * dim;
     PetscReal        x[SOLID_MAX_N], f[SOLID_MAX_N], up[SOLID_MAX_N], down[SOLID_MAX_N], K[SOLID_MAX_N * SOLID_MAX_N];
-    PetscReal        sum[3] = {0, 0, 0}, mean[3];
+    PetscReal        sum[3] = {0, 0, 0}, mean[3], error;
     SolidSums        sums;
 
     for (PetscInt e = 0; e < dim * s->nnode; e++) s->x[e] += 0.03 * noise(e);
@@ -154,7 +154,7 @@ static void test_force(void **state)
       }
       NEAR(force, (energy[0] - energy[1]) / (2 * h), 1e-6);
     }
-    OK(SolidKeepVolume(m, s->group[0].clamped, s->x));
+    OK(SolidKeepVolume(m, s->group[0].clamped, s->x, &error));
     SolidsMeasure(b, 0, &sums);
     NEAR(sums.volume, m->volume, 1e-12);
     for (PetscInt e = 0; e < dim * s->nnode; e++) s->u[e] = e % dim + 1;
