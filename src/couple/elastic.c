@@ -10,7 +10,6 @@
 #include "couple/participant.h"
 
 #define FAR        2    /* over the way that a step stands */
-#define LOST       0.1  /* of a volume in a step */
 #define ON_SURFACE 1e-6 /* of the smallest cell: such nodes are on a rigid body */
 
 /* ---- life cycle ---- */
@@ -341,12 +340,7 @@ static PetscErrorCode advance(Couple c, void *data)
                 "(%g), at the start at least",
                 (double)ratio, (double)c->step->time, (double)c->step->dt));
   e->told = (PetscBool)(e->told || ratio > FAR);
-  for (PetscInt k = 0; k < e->s->n; k++)
-    PetscCheck(PetscAbsReal(e->kept[k]) < LOST, c->comm, PETSC_ERR_USER_INPUT,
-               "An elastic particle of group '%s' changes its volume by %.2g in the step to t = %g: the step does not follow it, or what is around it is "
-               "not resolved; use a shorter step (-sim_dt %g) or smaller cells",
-               e->s->group[e->s->group_of[k]].name, (double)e->kept[k], (double)c->step->time,
-               (double)(0.5 * c->step->dt));
+  PetscCall(ElasticCheckStep(e, c));
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);

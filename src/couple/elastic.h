@@ -105,6 +105,8 @@ void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
 /* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
    it gives back what it took as bodies part. Collective. */
 PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);
-/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. */
+/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. Errors: a step that is too short
+   to go on with; with ElasticCheckStep, of the step solved: a cell that turns inside out, a volume that is lost. */
 PetscErrorCode ElasticLimitStep(const Elastic *, Couple, PetscReal *dt);
+PetscErrorCode ElasticCheckStep(const Elastic *, Couple);
 PetscErrorCode ElasticOverstep(const Elastic *, Couple, PetscReal *ratio);

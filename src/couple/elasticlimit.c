@@ -6,8 +6,11 @@
 #include "impl.h"
 #include "base/algebra.h"
 
-#define WAY    1.0
-#define STRAIN 0.5
+#define WAY      1.0
+#define STRAIN   0.5
+#define INVERTED 10   /* so much too long is a step that turns a cell inside out */
+#define HOPELESS 1e-4 /* of the step that was asked for */
+#define LOST     0.1  /* of a volume in a step */
 
 /* Largest |grad u| (Frobenius) of solid k with velocities u [mesh.nnode][dim], at quadrature points: G (F^T F)^-1 G^T
    has its square as the trace, of a membrane that of the gradient along it */
@@ -52,11 +55,46 @@ static PetscReal find_longest(const Elastic *e, Couple c, const PetscReal u[])
   return longest;
 }
 
+/* A solid that has a cell with J <= 0 at the positions at the end of the step, -1: none */
+static PetscInt find_inverted(const Elastic *e)
+{
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
+
+    for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+      PetscReal xc[SOLID_MAX_N], F[9];
+
+      SolidGather(m, i / m->nq, e->end + m->dim * e->s->first[k], xc);
+      if (!(SolidGradient(m, i / m->nq, i % m->nq, xc, F) > 0)) return k;
+    }
+  }
+  return -1;
+}
+
+PetscErrorCode ElasticCheckStep(const Elastic *e, Couple c)
+{
+  const PetscInt inverted = find_inverted(e);
+
+  PetscFunctionBeginUser;
+  PetscCheck(inverted < 0, c->comm, PETSC_ERR_USER_INPUT,
+             "A cell of an elastic particle of group '%s' turns inside out in the step to t = %g: the step does not follow it, or what is around it is not "
+             "resolved; use a shorter step (-sim_dt %g), smaller cells (-mesh_cells) or a stiffer particle",
+             e->s->group[e->s->group_of[inverted]].name, (double)c->step->time, (double)(0.5 * c->step->dt));
+  for (PetscInt k = 0; k < e->s->n; k++)
+    PetscCheck(PetscAbsReal(e->kept[k]) < LOST, c->comm, PETSC_ERR_USER_INPUT,
+               "An elastic particle of group '%s' changes its volume by %.2g in the step to t = %g: the step does not follow it, or what is around it is "
+               "not resolved; use a shorter step (-sim_dt %g) or smaller cells",
+               e->s->group[e->s->group_of[k]].name, (double)e->kept[k], (double)c->step->time,
+               (double)(0.5 * c->step->dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticLimitStep(const Elastic *e, Couple c, PetscReal *dt)
 {
-  const SolidsState *s    = e->s;
-  const PetscInt     n    = s->nnode * s->dim;
-  const PetscReal    more = s->time_dt > 0 ? PetscMin(1, *dt / s->time_dt) : 0; /* of the last change once more */
+  const SolidsState *s     = e->s;
+  const PetscInt     n     = s->nnode * s->dim;
+  const PetscReal    more  = s->time_dt > 0 ? PetscMin(1, *dt / s->time_dt) : 0; /* of the last change once more */
+  const PetscReal    asked = *dt;
   PetscReal         *u;
 
   PetscFunctionBeginUser;
@@ -65,6 +103,11 @@ PetscErrorCode ElasticLimitStep(const Elastic *e, Couple c, PetscReal *dt)
   for (PetscInt i = 0; i < n; i++) u[i] = s->u[i] + more * (s->u[i] - s->u_old[i]);
   *dt = PetscMin(*dt, find_longest(e, c, u));
   PetscCall(PetscFree(u));
+  PetscCheck(asked == PETSC_MAX_REAL || *dt > HOPELESS * asked, c->comm, PETSC_ERR_USER_INPUT,
+             "Elastic particles move so fast, or are strained so fast, after t = %g that a step would be %.2g, for %.2g that was asked: what is around them "
+             "is not resolved, or they are too soft for what acts on them. Start with a shorter step (-sim_dt), use smaller cells (-mesh_cells) or a stiffer "
+             "particle",
+             (double)c->step->time, (double)*dt, (double)asked);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -72,5 +115,6 @@ PetscErrorCode ElasticOverstep(const Elastic *e, Couple c, PetscReal *ratio)
 {
   PetscFunctionBeginUser;
   *ratio = PetscMax(*ratio, c->step->dt / find_longest(e, c, e->u));
+  if (find_inverted(e) >= 0) *ratio = PetscMax(*ratio, INVERTED);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

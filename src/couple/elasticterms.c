@@ -8,7 +8,8 @@
 #include "bodies/local.h"
 #include "fem/element.h"
 
-#define AWAY 2 /* cells */
+#define AWAY     2     /* cells */
+#define ROUNDING 1e-13 /* of a solid's cell */
 /* Stress of immersed solids over that of the fluid in a step: so much the solver takes without a block
    (runs/studies/elastic) */
 #define COMPLIANT 3
@@ -16,6 +17,7 @@
 /* Numbers of a step that cells of a solid need */
 typedef struct {
   PetscReal ct, bdt, d0, d1, excess, gravity[3]; /* excess: density that is counted here */
+  PetscBool at_rest;                             /* the solid stays where it was made */
 } StepNumbers;
 
 PetscReal ElasticExcess(const Elastic *e, Couple c, PetscInt k)
@@ -25,10 +27,23 @@ PetscReal ElasticExcess(const Elastic *e, Couple c, PetscInt k)
   return g->membrane ? 0 : g->density - c->par->density;
 }
 
+/* Is solid k predicted to stay where it was made? Its stress is nothing but rounding then, of which no flow is to come. */
+static PetscBool is_at_rest(const Elastic *e, PetscInt k)
+{
+  const SolidsState *s   = e->s;
+  const PetscInt     dim = s->dim;
+  const PetscReal    h   = s->group[s->group_of[k]].mesh.h;
+
+  for (PetscInt i = dim * s->first[k]; i < dim * s->first[k + 1]; i++)
+    if (PetscMax(PetscAbsReal(e->x[i] - s->X[i]), PetscAbsReal(e->a[i] - s->X[i])) > ROUNDING * h) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
 static StepNumbers get_numbers(const Elastic *e, Couple c, PetscInt k)
 {
   const FlowStep *s = c->step;
-  StepNumbers     n = {s->ct, 1 / s->ct, s->d0, s->d1, ElasticIsLined(e, k) ? 0 : ElasticExcess(e, c, k), {0}};
+  StepNumbers     n = {s->ct, 1 / s->ct,       s->d0, s->d1, ElasticIsLined(e, k) ? 0 : ElasticExcess(e, c, k),
+                       {0},   is_at_rest(e, k)};
 
   for (PetscInt a = 0; a < 3; a++) n.gravity[a] = c->par->gravity[a];
   return n;
@@ -51,8 +66,8 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
   law.kappa = law.lambda; /* the pressure's */
   (void)SolidCellForce(m, &law, cell, x, r, A);
   for (PetscInt i = 0; i < n; i++) {
-    r[i] = -r[i];
-    for (PetscInt j = 0; j < n; j++) r[i] -= A[i * n + j] * (a[j] - x[j]);
+    r[i] = s->at_rest ? 0 : -r[i];
+    for (PetscInt j = 0; j < n && !s->at_rest; j++) r[i] -= A[i * n + j] * (a[j] - x[j]);
   }
   for (PetscInt i = 0; i < n * n; i++) A[i] *= s->bdt;
   if (s->excess != 0) SolidCellMass(m, cell, M);
@@ -299,7 +314,9 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
     const SolidGroup *g = s->group + s->group_of[k];
     const SolidMesh  *m = &g->mesh;
 
-    *any_C = (PetscBool)(*any_C || g->compressible);
+    *any_C                  = (PetscBool)(*any_C || g->compressible);
+    const PetscBool at_rest = is_at_rest(e, k);
+
     for (PetscInt cell = 0; cell < m->ncell && !g->membrane; cell++) {
       PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N];
 
@@ -310,6 +327,7 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
 
         if (e->point.cell[point] < 0) continue;
         rate = shrinking(m, cell, q, x, a, 1 / c->step->ct, &J);
+        if (at_rest) rate = 0;
         PetscCall(add_volume_point(e, c, g, point, m->weight[cell * m->nq + q] * J, rate, J, entry));
       }
     }

@@ -88,7 +88,7 @@ def test_limits(run, scene):
     heavy = scene(SINKS.replace("density: 1.05", "density: 8").replace("cells: [28, 42]", "cells: [20, 30]"))
     limits = {}
     for adapt in ("true", "false"):
-        result = run([heavy, "-output_dir", adapt, "-sim_adapt", adapt, "-sim_dt", "0.02", "-sim_steps", "4"])
+        result = run([heavy, "-output_dir", adapt, "-sim_adapt", adapt, "-sim_dt", "0.014", "-sim_steps", "4"])
         assert result.status == 0, str(result)
         limits[adapt] = {row["who"]: row for row in json.loads((result.folder / adapt / "summary.json").read_text())["step_limits"]}
         assert ("as far as a step stands" in result.out + result.err) == (adapt == "false")
