@@ -55,6 +55,6 @@ void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[],
    encloses, of a flow that is free of divergence */
 void SolidMeanVelocity(const SolidMesh *, const PetscReal x[], const PetscReal u[], PetscReal mean[3]);
 /* Nodes x [nnode][dim] of a membrane are moved along its normal, all but those that are held as far, until it encloses
-   its reference volume; those of a solid, none of which is held, away from its centroid, until it has that. *error: what
-   was put right, over that volume. */
+   its reference volume; those of a solid, none of which is held, away from its centroid, until it has that. *error:
+   what was put right, over that volume. */
 PetscErrorCode SolidKeepVolume(const SolidMesh *, const PetscBool held[], PetscReal x[], PetscReal *error);

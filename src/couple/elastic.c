@@ -334,12 +334,12 @@ static PetscErrorCode advance(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(ElasticOverstep(e, c, &ratio));
-  if (ratio > FAR && !e->told)
+  if (ratio > FAR && !e->once.told)
     PetscCall(
       LogRemark("an elastic particle moves, or is strained, %.2g times as far as a step stands (a cell, a half) in the step to t = %g: lower -sim_dt "
                 "(%g), at the start at least",
                 (double)ratio, (double)c->step->time, (double)c->step->dt));
-  e->told = (PetscBool)(e->told || ratio > FAR);
+  e->once.told = (PetscBool)(e->once.told || ratio > FAR);
   PetscCall(ElasticCheckStep(e, c));
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));

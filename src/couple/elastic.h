@@ -47,6 +47,13 @@ typedef struct {
   PetscBool       touched, joined; /* there were some; the matrix has entries of two solids */
 } ElasticContacts;
 
+/* What happens once in a run */
+typedef struct {
+  PetscBool compared; /* sizes of cells, solids' and flow's */
+  PetscBool told;     /* that a step was too long */
+  PetscBool started;  /* velocities of the first step are those of the flow */
+} ElasticOnce;
+
 typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
@@ -61,9 +68,6 @@ typedef struct Elastic {
   VecScatter      gather;
   PetscReal      *force;           /* [own nodes][dim] on the flow */
   PetscReal      *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
-  PetscBool       compared;        /* sizes of cells, solids' and flow's */
-  PetscBool       told;            /* that a step was too long */
-  PetscBool       started;         /* velocities of the first step are those of the flow */
   PetscBool       aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign    align;           /* NULL: immersed, or not yet */
   ElasticInertia  inertia;         /* of solids that the mesh follows */
@@ -71,6 +75,7 @@ typedef struct Elastic {
   PetscBool       anchored;
   ElasticLabels   labels; /* of this step, if there is one */
   PetscInt        immersed_steps;
+  ElasticOnce     once;
   ElasticContacts contacts;
   PetscInt        nvolume, volume_capacity, *volume_cell;
   PetscReal      *volume_C, *volume_g;
@@ -105,8 +110,9 @@ void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
 /* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
    it gives back what it took as bodies part. Collective. */
 PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);
-/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. Errors: a step that is too short
-   to go on with; with ElasticCheckStep, of the step solved: a cell that turns inside out, a volume that is lost. */
+/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. Errors: a step that is too
+   short to go on with; with ElasticCheckStep, of the step solved: a cell that turns inside out, a volume that is
+   lost. */
 PetscErrorCode ElasticLimitStep(const Elastic *, Couple, PetscReal *dt);
 PetscErrorCode ElasticCheckStep(const Elastic *, Couple);
 PetscErrorCode ElasticOverstep(const Elastic *, Couple, PetscReal *ratio);

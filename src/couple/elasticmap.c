@@ -164,8 +164,8 @@ static PetscErrorCode remark_coarse(Elastic *e, Couple c)
   PetscReal         *size; /* [ngroups] sum and number of cells */
 
   PetscFunctionBeginUser;
-  if (e->compared) PetscFunctionReturn(PETSC_SUCCESS);
-  e->compared = PETSC_TRUE;
+  if (e->once.compared) PetscFunctionReturn(PETSC_SUCCESS);
+  e->once.compared = PETSC_TRUE;
   PetscCall(PetscCalloc1(2 * s->ngroups, &size));
   for (PetscInt i = 0; i < e->node.n; i++) {
     PetscReal xc[MESH_MAX_NB * 3], x[3], J[9];
@@ -230,7 +230,7 @@ static PetscErrorCode start_with_flow(Elastic *e, Couple c)
   PetscReal   *u;
 
   PetscFunctionBeginUser;
-  e->started = PETSC_TRUE;
+  e->once.started = PETSC_TRUE;
   PetscCall(PetscArraycpy(e->x, s->x, s->nnode * s->dim));
   PetscCall(find_points(e, c, cells, s->nnode, s->x, NULL, &e->node, &lost));
   if (lost >= 0) PetscCall(stop_lost(e, c, lost));
@@ -250,7 +250,7 @@ PetscErrorCode ElasticPredict(Elastic *e, Couple c)
   const PetscReal ratio   = step->order == 2 && !s->group[0].membrane && step->dt_old > 0 ? step->dt / step->dt_old : 0;
 
   PetscFunctionBeginUser;
-  if (s->time_dt == 0 && !e->started) PetscCall(start_with_flow(e, c));
+  if (s->time_dt == 0 && !e->once.started) PetscCall(start_with_flow(e, c));
   for (PetscInt i = 0; i < s->nnode * s->dim; i++) {
     e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
     e->x[i] = e->a[i] + (s->u[i] + ratio * (s->u[i] - s->u_old[i])) / step->ct;

@@ -27,7 +27,8 @@ PetscReal ElasticExcess(const Elastic *e, Couple c, PetscInt k)
   return g->membrane ? 0 : g->density - c->par->density;
 }
 
-/* Is solid k predicted to stay where it was made? Its stress is nothing but rounding then, of which no flow is to come. */
+/* Is solid k predicted to stay where it was made? Its stress is nothing but rounding then, of which no flow is to
+   come. */
 static PetscBool is_at_rest(const Elastic *e, PetscInt k)
 {
   const SolidsState *s   = e->s;
