@@ -648,3 +648,12 @@ def test_orders_are_three_in_space_and_two_in_time(tmp_path):
     assert orders.orders([orders.measure_space(build, cells) for cells in (8, 16)])[0] > 2.8
     for scheme in ("bdf2", "cn"):
         assert 1.9 < orders.orders([orders.measure_time(build, step, scheme) for step in (0.2, 0.1)])[0] < 2.2
+
+
+@pytest.mark.parametrize("ratio", [0.001, 1000.0])
+def test_a_sphere_that_conducts_has_its_dipole_under_penalty(ratio):
+    """What runs/studies/scalars/dipole.py measures, at 8 cells a diameter: .01, .30 % off"""
+    sys.path.insert(0, str(ROOT / "runs" / "studies" / "scalars"))
+    import dipole
+
+    assert abs(dipole.measure(ROOT / os.environ.get("TUMBLE_BUILD", "build"), 8, ratio)) < 0.02
