@@ -3,6 +3,7 @@ make check-gpu runs the same list on a GPU (TUMBLE_DEVICE=cuda)."""
 import csv
 import os
 import re
+import subprocess
 
 import pytest
 
@@ -162,6 +163,35 @@ def test_no_field_crosses(run, monkeypatch, convection):
         asked = re.findall(r"host array: (\S+) (\d+)", result.err)
         assert sum(int(calls) for _, calls in asked) < 12, asked  # at set-up
     assert moved[1] < 4.5 * moved[0]
+
+
+@pytest.mark.skipif(DEVICE != "emulate", reason="counts what the emulation's memory is given")
+def test_no_field_crosses_with_bodies(run, tmp_path, monkeypatch):
+    """The same bodies in a box and in one of eight times the volume: what goes over in a step grows less than surfaces do, which grow fourfold, and
+    the host looks into vectors at set-up and into rows of bodies alone."""
+    moved = []
+    scene = tmp_path / "bodies.yaml"
+    scene.write_text(BODIES)
+    monkeypatch.setenv("LD_PRELOAD", str(build_folder() / "tests" / "runs" / "faults" / "hostarrays.so"))
+    for m in (1, 2):
+        result = run([scene, "-mesh_cells", f"{8 * m},{8 * m},{10 * m}", "-mesh_upper", f"{2 * m},{2 * m},{2.5 * m}", "-sim_steps", 3,
+                      "-output_every", 0, "-output_dir", "out", "-output_overwrite", "-device", DEVICE, "-info"], timeout=300)
+        assert result.status == 0, str(result)
+        moved.append([int(a) + int(b) for a, b in re.findall(r"device: (\d+) bytes there, (\d+) back", result.out)][-1])
+        asked = {name: int(size) for name, size in re.findall(r"host array: (\S+) \d+ (\d+)", result.err)}
+        asked.pop("DeviceLevelsCreate", None)  # vertices of the pressure, when their matrix has changed
+        assert sum(asked.values()) < 3 * 640 * m**3 * 4 * 8, asked  # three pressures, at set-up; a velocity has six times as many numbers as one
+    assert moved[1] < 2 * moved[0], moved
+
+
+@pytest.mark.skipif(DEVICE != "emulate", reason="a GPU has the script itself")
+def test_bench_script():
+    """runs/bench/gpu.sh from its beginning to its end, small: every row has its numbers."""
+    small = {"DEVICE": DEVICE, "SIZES": "4", "SPHERES": "13", "RANKS": "1", "STEPS": "3", "LIMIT": "250"}
+    result = subprocess.run([ROOT / "runs" / "bench" / "gpu.sh", build_folder()], env={**os.environ, **small}, capture_output=True, text=True, timeout=300)
+    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines() if line.startswith("| ")][2:]
+    assert result.returncode == 0 and len(rows) == 6, result.stdout + result.stderr
+    assert all(float(row[1]) > 0 and float(row[4]) > 0 for row in rows), rows
 
 
 def test_goes_on(run):

@@ -123,6 +123,7 @@ struct _p_PressureDevice {
   const int         *interior, *shared;
   double            *gap;      /* [nshared][4] */
   double            *constant; /* [ncell][4] a constant pressure */
+  double            *noise;    /* [ncell][4] of find_largest */
   double            *sums;     /* [DEVICE_PARTIAL + 2] */
   PetscReal         *here;     /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
   double            *correction, *all; /* of products, with blocks of other ranks */
