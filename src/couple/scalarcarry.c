@@ -96,8 +96,9 @@ static PetscErrorCode find_origins(ScalarCarry s, const BodyMotion *m)
       for (PetscInt e = 0; e < n; e += CHUNK) PetscCall(add_nodes(s, m, k, image.at, PetscMin(CHUNK, n - e), list + e));
     }
   }
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++)
-    s->y[i] = s->x[i] - (s->weight[i / dim] > 0 ? s->y[i] / s->weight[i / dim] : 0);
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    for (PetscInt e = i * dim; e < (i + 1) * dim; e++)
+      s->y[e] = s->x[e] - (s->weight[i] > 0 ? s->y[e] / s->weight[i] : 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

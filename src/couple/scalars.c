@@ -119,8 +119,9 @@ static PetscErrorCode set_convection(Couple c, CoupleScalars s)
   PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
-  for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++)
-    s->w[i] = theta * c->field.u[i] + (1 - theta) * u[i] - (mesh ? mesh[i] : 0) - c->step->frame[i % dim];
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++)
+    for (PetscInt a = 0, e = i * dim; a < dim; a++, e++)
+      s->w[e] = theta * c->field.u[e] + (1 - theta) * u[e] - (mesh ? mesh[e] : 0) - c->step->frame[a];
   PetscCall(ScalarBodiesConvect(s->bodies, s->w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -84,8 +84,8 @@ PetscErrorCode ScalarMarkInside(Couple c, const PetscInt inactive[], PetscInt in
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode_all; i++) inside[i] = 1;
-  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
-    if (inactive[e / l->nb] < 0) inside[l->cell_node[e]] = 0;
+  for (PetscInt e = 0; e < l->ncell_all; e++)
+    for (PetscInt j = 0; j < l->nb && inactive[e] < 0; j++) inside[l->cell_node[e * l->nb + j]] = 0;
   PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* outer ghosts do not see all of their cells */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -128,7 +128,8 @@ PetscErrorCode ScalarShiftInside(Couple c, const PetscReal x[], const PetscInt i
         if (inside[node[j]] && count_middles(dim, j) == middles) fill_node(dim, node, j, v);
     }
   PetscCall(MeshSyncNodes(c->mesh, dim, v));
-  for (PetscInt e = 0; e < l->nnode_all * dim; e++) v[e] = inside[e / dim] ? v[e] - (x[e] - l->x_start[e]) : 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    for (PetscInt e = i * dim; e < (i + 1) * dim; e++) v[e] = inside[i] ? v[e] - (x[e] - l->x_start[e]) : 0;
   PetscCall(PetscFree3(inside, cell, vertex));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

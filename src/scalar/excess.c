@@ -91,8 +91,9 @@ static PetscBool add_still(Scalars all, Scalar *s, PetscInt c, const PetscReal V
   PetscReal        weight[MESH_MAX_NB], volume = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
 
   if (s->cells.sample && s->cells.sample[c] >= 0) return PETSC_FALSE;
-  for (PetscInt e = 0; e < nb * dim && V; e++)
-    if (V[node[e / dim] * dim + e % dim] != 0) return PETSC_FALSE;
+  for (PetscInt j = 0; j < nb && V; j++)
+    for (PetscInt a = 0; a < dim; a++)
+      if (V[node[j] * dim + a] != 0) return PETSC_FALSE;
   if (ScalarCellBox(all, c, &edge) || !edge) return PETSC_FALSE;
   for (PetscInt a = 0; a < dim; a++) volume *= 0.5 * edge[a];
   for (PetscInt j = 0; j < nb; j++) weight[j] = volume * all->integral[j];

@@ -107,7 +107,6 @@ typedef struct {
   /* of ScalarsMeasureGrowth: weights of nodes in cells that stand still, int c; the others [ngrowth_cell] */
   PetscReal       *growth_weight; /* [nnode_all] */
   PetscInt        *growth_cell, ngrowth_cell;
-  PetscReal        free_sum[2]; /* of the matrix over rows and columns of free nodes, and of the sizes of its entries */
   Mat              A;
   ScalarSolver     solver;
   PetscBool        extended; /* ScalarsExtend */

@@ -24,7 +24,8 @@
 #define BEYOND 1e-3 /* nor do values that are out of bounds by less; */
 #define FAR    1e-2 /* cells with one that is by more are of low order altogether */
 #define ADDED  2    /* bounds are wider by so many times f/(c c_t) of a source f, which adds 1.5 in a step of BDF2 */
-#define CLOSER 0.05 /* limits that close in by less do not help */
+#define CLOSER 0.05 /* limits that close in by less do not help, */
+#define HALF   0.5  /* nor, where none is far, do those of values that are out by less than this part of the farthest */
 
 enum {
   COUNT,
@@ -483,9 +484,9 @@ static PetscBool close_in(const MeshLocal *l, const PetscReal x[], const ScalarL
   return PETSC_FALSE;
 }
 
-/* Limits next to those that there are, with bounds that values are `out` of */
+/* Limits next to those that there are, with bounds that values are `out` of, the farthest by so much */
 static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal range, const PetscReal out[],
-                            PetscBool *more)
+                            PetscReal farthest, PetscBool *more)
 {
   const MeshLocal *l    = all->loc;
   ScalarLimits     last = s->limit, next = s->limit;
@@ -503,7 +504,9 @@ static PetscErrorCode renew(Scalars all, Scalar *s, PetscBool again, PetscReal r
   PetscCall(PetscArraycpy(next.x, s->x, l->nnode_all));
   if (all->step.ct == 0) PetscCall(find_change(all, s, next.part, &beyond));
   else if (again) {
-    if (!close_in(l, s->x, &last, &next, BEYOND * range)) beyond = 0;
+    if (!close_in(l, s->x, &last, &next,
+                  farthest > FAR * range ? BEYOND * range : PetscMax(BEYOND * range, HALF * farthest)))
+      beyond = 0;
     PetscCall(find_largest(all, 1, &beyond));
   }
   *more = (PetscBool)(beyond > BEYOND * range);
@@ -531,7 +534,8 @@ PetscErrorCode ScalarLimit(Scalars all, Scalar *s, PetscBool again, PetscBool *m
   PetscCall(find_bounds(all, s));
   PetscCall(find_beyond(all, s, out, &farthest));
   if (again) PetscCall(find_largest(all, 1, &farthest));
-  if (!again || all->step.ct == 0 || farthest > BEYOND * range) PetscCall(renew(all, s, again, range, out, more));
+  if (!again || all->step.ct == 0 || farthest > BEYOND * range)
+    PetscCall(renew(all, s, again, range, out, farthest, more));
   PetscCall(PetscFree(out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

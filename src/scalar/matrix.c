@@ -92,7 +92,6 @@ static void add_cell(Scalars all, Scalar *s, PetscInt c, const PetscReal A[], co
 {
   const MeshLocal *l  = all->loc;
   const PetscInt   nb = l->nb, nbp = all->element.nbp, *node = l->cell_node + c * nb;
-  PetscReal        sum[MESH_MAX_NB] = {0}, size[MESH_MAX_NB] = {0};
 
   for (PetscInt i = 0; i < nb; i++) {
     const unsigned short *entry = all->entry + (c * nb + i) * nb;
@@ -106,16 +105,7 @@ static void add_cell(Scalars all, Scalar *s, PetscInt c, const PetscReal A[], co
       if (entry[j] < HALF) own[entry[j]] += A[i * nbp + j];
       else other[entry[j] - HALF] += A[i * nbp + j];
     }
-    for (PetscInt j = 0; j < nb; j++) {
-      sum[j] += A[i * nbp + j];
-      size[j] += PetscAbsReal(A[i * nbp + j]);
-    }
   }
-  for (PetscInt j = 0; j < nb; j++)
-    if (s->owner[node[j]] < 0) {
-      s->free_sum[0] += sum[j];
-      s->free_sum[1] += size[j];
-    }
 }
 
 /* Rows of fixed nodes, and of those in no cell of the problem: x = what it is */
@@ -148,7 +138,6 @@ PetscErrorCode ScalarAssemble(Scalars all, Scalar *s)
   PetscCall(MatZeroEntries(s->A));
   PetscCall(PetscArrayzero(s->rhs, l->nnode_all));
   PetscCall(PetscArrayzero(s->seen, l->nnode_all));
-  s->free_sum[0] = s->free_sum[1] = 0;
   for (PetscInt k = 0; k < 2 && block[k]; k++) {
     PetscCall(MatGetRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &v.start[k], NULL, &done));
     PetscCall(MatSeqAIJGetArray(block[k], &v.value[k]));
