@@ -61,6 +61,9 @@ typedef struct {
   const PetscInt  *counts;
   const PetscReal *outside;
   PetscInt         noutside;
+  /* Where sources and reactions of the options act, in the way of `counts`: parts of samples, which all have then.
+     NULL: in all cells but those of samples. */
+  const PetscInt *fluid;
 } ScalarCells;
 enum {
   SCALAR_COUNTS_ALL     = -1,

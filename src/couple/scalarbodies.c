@@ -35,7 +35,7 @@ struct _p_ScalarBodies {
   PetscReal   *shift;   /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
-    PetscInt      *sample, *counts;                  /* [ncell_all] */
+    PetscInt      *sample, *counts, *fluid;          /* [ncell_all] */
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
     PetscInt      *lump;                             /* [nnode_all] body with one value, -1 */
@@ -101,7 +101,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
 static PetscErrorCode free_data(struct CellData *d)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree5(d->capacity, d->conductivity, d->source, d->sample, d->counts));
+  PetscCall(PetscFree6(d->capacity, d->conductivity, d->source, d->sample, d->counts, d->fluid));
   PetscCall(PetscFree3(d->fixed, d->value, d->lump));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->side));
@@ -168,7 +168,8 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   for (PetscInt i = 0; i < s->n; i++) {
     struct CellData *d = s->data + i;
 
-    PetscCall(PetscMalloc5(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts));
+    PetscCall(PetscMalloc6(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts, nc,
+                           &d->fluid));
     PetscCall(PetscMalloc3(nn, &d->fixed, nn, &d->value, nn, &d->lump));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -348,6 +349,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->source[e]       = 0;
     d->sample[e]       = -1;
     d->counts[e]       = SCALAR_COUNTS_ALL;
+    d->fluid[e]        = SCALAR_COUNTS_ALL;
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
   for (PetscInt e = 0; e < c->loc->nnode_all; e++) d->lump[e] = -1;
@@ -362,6 +364,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
 
     if (at->first && !keeps_heat(m)) d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (s->nodal && has_value(m)) continue;
+    if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (at->distance < 0 && (at->first || has_value(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
       set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
@@ -369,8 +372,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     }
   }
   if (s->nodal) PetscCall(fix_inside(c, s, i, d));
-  cells = (ScalarCells){d->capacity, d->conductivity, d->source,  d->sample,
-                        d->samples,  d->counts,       s->outside, s->cover.nsample};
+  cells = (ScalarCells){d->capacity, d->conductivity, d->source,        d->sample, d->samples,
+                        d->counts,   s->outside,      s->cover.nsample, d->fluid};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
   PetscCall(BodyLumpsSet(s->lumps, c, scalars, i, par, d->lump, s->nodal));

@@ -56,31 +56,6 @@ static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const ScalarPa
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cells that a surface cuts, and those inside, do not tell what acts in the fluid alone */
-static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const ScalarMaterial *m,
-                                         const ScalarParameters *par)
-{
-  static const char *const TERM[] = {"source", "decay", "reaction"};
-  const PetscBool          apart  = (PetscBool)(g->body_fitted ||
-                                      (m->condition == SCALAR_BODY_VALUE && c->method.table != &method_penalty) ||
-                                      (m->condition == SCALAR_BODY_LUMPED && c->method.table == &method_aligned));
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3; i++) {
-    char      name[OPT_NAME], text[256];
-    PetscBool given;
-
-    (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", par->name, TERM[i]);
-    PetscCall(OptHas(name, &given));
-    PetscCall(OptPeek(name, text, sizeof(text)));
-    PetscCheck(!given || apart, c->comm, PETSC_ERR_SUP,
-               "%s %s acts in the fluid, and with group '%s' its cells are not told apart: leave it out, or use "
-               "-couple_method aligned with -particle_%s_%s_condition value",
-               name, text, g->name, g->name, par->name);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What surfaces do not do yet, one message each */
 static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial *m, const ScalarParameters *par)
 {
@@ -97,7 +72,6 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial 
              "-couple_method penalty or aligned",
              g->name, par->name);
   PetscCall(refuse_motion(c, g, par));
-  PetscCall(refuse_fluid_terms(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

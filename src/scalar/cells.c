@@ -160,15 +160,36 @@ PetscReal ScalarSampleBasis(Scalars all, PetscInt n, PetscInt q, const PetscReal
   return PetscPowRealInt(2.0 / n, (int)dim) * det;
 }
 
-/* Of a cell of samples: sums over the midpoints of its sub-cells */
-static void add_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[], const PetscReal wl[], PetscReal A[],
-                        PetscReal M[], PetscReal f[])
+void ScalarCellGetInput(Scalars all, const Scalar *s, PetscInt c, ScalarCellInput *in)
 {
-  const PetscInt  dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp, count = PetscPowInt(p->n, dim);
-  const PetscReal theta = all->step.theta, ct = all->step.ct;
+  in->acts  = (PetscBool)((s->input.q || s->decay != 0) &&
+                         !(s->cells.fluid && s->cells.fluid[c] == SCALAR_COUNTS_NOTHING));
+  in->decay = in->acts ? s->decay : 0;
+  if (!in->acts) return;
+  for (PetscInt j = 0; j < all->loc->nb; j++) in->q[j] = in->slope[j] = 0;
+  if (s->input.q) ScalarCellGather(all->loc, c, 1, s->input.q, in->q);
+  if (s->input.slope) ScalarCellGather(all->loc, c, 1, s->input.slope, in->slope);
+}
 
+PetscReal ScalarSamplePart(const Scalar *s, PetscInt c, PetscInt k)
+{
+  if (!s->cells.fluid || s->cells.fluid[c] == SCALAR_COUNTS_NOTHING) return 0;
+  return s->cells.fluid[c] == SCALAR_COUNTS_ALL ? 1 : s->cells.outside[s->cells.fluid[c] + k];
+}
+
+/* Of cell c of samples: sums over the midpoints of its sub-cells */
+static void add_sampled(Scalars all, const Scalar *s, PetscInt cell, const PetscReal xc[], const PetscReal wl[],
+                        PetscReal A[], PetscReal M[], PetscReal f[])
+{
+  const ScalarSamples *p   = s->cells.samples + s->cells.sample[cell];
+  const PetscInt       dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp, count = PetscPowInt(p->n, dim);
+  const PetscReal      theta = all->step.theta, ct = all->step.ct;
+  ScalarCellInput      in;
+
+  ScalarCellGetInput(all, s, cell, &in);
   for (PetscInt q = 0; q < count; q++) {
-    const PetscReal c = p->capacity[q], k = p->conductivity[q], r = p->reaction[q];
+    const PetscReal c = p->capacity[q], k = p->conductivity[q], r = p->reaction[q],
+                    part = in.acts ? ScalarSamplePart(s, cell, q) : 0;
     PetscReal       phi[MESH_MAX_NB], g[3][MESH_MAX_NB], flux[3][MESH_MAX_NB], along[MESH_MAX_NB] = {0}, w[3] = {0};
     const PetscReal weight = ScalarSampleBasis(all, p->n, q, xc, phi, g);
 
@@ -189,6 +210,13 @@ static void add_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[
       }
       f[i] += weight * p->source[q] * phi[i];
     }
+    for (PetscInt e = 0; e < nb * nb && part > 0; e++) {
+      const PetscInt  i = e / nb, j = e % nb;
+      const PetscReal both = weight * part * phi[i] * phi[j];
+
+      A[i * nbp + j] += theta * both * (in.decay * s->par.capacity + in.slope[j]);
+      f[i] += both * in.q[j];
+    }
   }
 }
 
@@ -201,26 +229,25 @@ static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, Pets
   const PetscReal  capacity    = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
                   conductivity = s->cells.conductivity ? s->cells.conductivity[c] : s->par.conductivity,
                   theta = all->step.theta, uniform = s->cells.source ? s->cells.source[c] : 0;
-  PetscReal     q[MESH_MAX_NB], y[MESH_MAX_NB];
-  ElementMetric m;
+  PetscReal       q[MESH_MAX_NB], y[MESH_MAX_NB];
+  ElementMetric   m;
+  ScalarCellInput in;
 
   PetscFunctionBeginUser;
   PetscCall(ScalarCellMetric(all, c, &m));
+  ScalarCellGetInput(all, s, c, &in);
   for (PetscInt i = 0; i < nb * l->dim && wl; i++) wl[i] *= theta * capacity;
-  ElementOperator(&all->element, &m, capacity * (all->step.ct + theta * s->decay), theta * conductivity, wl, 0, A);
+  ElementOperator(&all->element, &m, capacity * (all->step.ct + theta * in.decay), theta * conductivity, wl, 0, A);
   if (m.affine)
     for (PetscInt i = 0; i < nb * nbp; i++) M[i] = capacity * m.det * all->element.mass[i];
   else ElementOperator(&all->element, &m, capacity, 0, NULL, 0, M);
-  if (!s->input.q && uniform == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt j = 0; j < nb; j++) q[j] = 0;
-  if (s->input.q) ScalarCellGather(l, c, 1, s->input.q, q);
-  for (PetscInt j = 0; j < nb; j++) q[j] = (q[j] + uniform) / capacity;
+  if (!in.acts && uniform == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < nb; j++) q[j] = ((in.acts ? in.q[j] : 0) + uniform) / capacity;
   multiply(nb, nbp, M, q, y);
   for (PetscInt j = 0; j < nb; j++) f[j] += y[j];
-  if (!s->input.slope) PetscFunctionReturn(PETSC_SUCCESS);
-  ScalarCellGather(l, c, 1, s->input.slope, q);
+  if (!in.acts || !s->input.slope) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < nb * nb; i++)
-    A[i / nb * nbp + i % nb] += theta / capacity * M[i / nb * nbp + i % nb] * q[i % nb];
+    A[i / nb * nbp + i % nb] += theta / capacity * M[i / nb * nbp + i % nb] * in.slope[i % nb];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -274,7 +301,7 @@ PetscErrorCode ScalarCellMatrices(Scalars all, const Scalar *s, PetscInt c, Scal
     PetscCall(ScalarCellCoordinates(all, c, xc));
     PetscCall(PetscArrayzero(cell->A, nb * nbp));
     PetscCall(PetscArrayzero(cell->M, nb * nbp));
-    add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
+    add_sampled(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
   } else PetscCall(set_uniform(all, s, c, s->w ? wl : NULL, cell->A, cell->M, cell->f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

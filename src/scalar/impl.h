@@ -173,6 +173,15 @@ PetscErrorCode ScalarCellMatrices(Scalars, const Scalar *, PetscInt c, ScalarCel
 /* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */
 PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
                             PetscReal g[3][MESH_MAX_NB]);
+/* What sources and reactions of the options do in it, source - slope T at its lattice points, and the rate of decay;
+   acts: do they? Else nothing is set but decay 0. */
+typedef struct {
+  PetscBool acts;
+  PetscReal decay, q[MESH_MAX_NB], slope[MESH_MAX_NB];
+} ScalarCellInput;
+void ScalarCellGetInput(Scalars, const Scalar *, PetscInt c, ScalarCellInput *);
+/* Part of its sample k in which they do */
+PetscReal ScalarSamplePart(const Scalar *, PetscInt c, PetscInt k);
 /* Is it part of the problem? */
 PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
 /* Node coordinates xc [nb][dim], with the shift */

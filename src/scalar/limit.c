@@ -215,8 +215,8 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
   const PetscInt  nb = all->loc->nb, sample = s->cells.sample ? s->cells.sample[c] : -1;
   const PetscReal capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
                   uniform = s->cells.source ? s->cells.source[c] : 0, low = *bottom, high = *top;
-  const ScalarSamples *p              = sample >= 0 ? s->cells.samples + sample : NULL;
-  PetscReal            q[MESH_MAX_NB] = {0}, slope[MESH_MAX_NB] = {0};
+  const ScalarSamples *p = sample >= 0 ? s->cells.samples + sample : NULL;
+  ScalarCellInput      in;
 
   for (PetscInt k = 0; p && k < PetscPowInt(p->n, all->loc->dim); k++) {
     const PetscReal r = p->lump < 0 ? p->reaction[k] : 0;
@@ -225,11 +225,10 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
     widen(&all->step, p->capacity[k], r, p->source[k], low, bottom, top);
     widen(&all->step, p->capacity[k], r, p->source[k], high, bottom, top);
   }
-  if (p || (!s->input.q && s->decay == 0 && uniform == 0)) return;
-  if (s->input.q) ScalarCellGather(all->loc, c, 1, s->input.q, q);
-  if (s->input.slope) ScalarCellGather(all->loc, c, 1, s->input.slope, slope);
-  for (PetscInt j = 0; j < nb; j++)
-    widen(&all->step, capacity, s->decay * capacity + slope[j], q[j] + uniform, x[j], bottom, top);
+  ScalarCellGetInput(all, s, c, &in);
+  for (PetscInt j = 0; j < nb && (in.acts || uniform != 0); j++)
+    widen(&all->step, capacity, in.decay * capacity + (in.acts ? in.slope[j] : 0), (in.acts ? in.q[j] : 0) + uniform,
+          x[j], bottom, top);
 }
 
 /* Of the values of a cell: those that the step began with, or is given; without time those of now */

@@ -3,34 +3,33 @@
 #include "compat.h"
 #include "impl.h"
 
-/* A cell's nodal values: rate of change and sources */
+/* A cell's nodal values: rate of change and sources; its decay */
 typedef struct {
   ScalarValues at; /* its x with G.x */
-  PetscReal    rate[MESH_MAX_NB], q[MESH_MAX_NB];
+  PetscReal    rate[MESH_MAX_NB], q[MESH_MAX_NB], decay;
 } Values;
 
 static PetscErrorCode set_values(Scalars all, const Scalar *s, PetscInt c, Values *v)
 {
   const MeshLocal  *l = all->loc;
   const ScalarStep *p = &all->step;
-  PetscReal         slope[MESH_MAX_NB];
+  ScalarCellInput   in;
 
   PetscFunctionBeginUser;
   PetscCall(ScalarCellValues(all, s, c, &v->at));
+  ScalarCellGetInput(all, s, c, &in);
+  v->decay = in.decay;
   for (PetscInt j = 0; j < l->nb; j++) {
     v->rate[j] = p->ct * v->at.x[j] - p->d0 * v->at.now[j] - p->d1 * v->at.old[j];
     v->at.x[j] += v->at.linear[j];
-    v->q[j] = 0;
+    v->q[j] = in.acts ? in.q[j] - in.slope[j] * v->at.theta[j] : 0;
   }
-  if (s->input.q) ScalarCellGather(l, c, 1, s->input.q, v->q);
-  if (s->input.slope) ScalarCellGather(l, c, 1, s->input.slope, slope);
-  for (PetscInt j = 0; j < l->nb && s->input.slope; j++) v->q[j] -= slope[j] * v->at.theta[j];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* With a uniform source and a reaction */
-static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal source, PetscReal reaction,
-                      const Values *v, ScalarBalance *b)
+/* With a uniform source and a reaction; part of it with the nodal sources */
+static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal part, PetscReal source,
+                      PetscReal reaction, const Values *v, ScalarBalance *b)
 {
   const PetscReal along = ScalarConvected(dim, nb, p, &v->at);
   PetscReal       theta = 0, rate = 0, q = source;
@@ -38,7 +37,7 @@ static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal
   for (PetscInt j = 0; j < nb; j++) {
     theta += p->phi[j] * v->at.theta[j];
     rate += p->phi[j] * v->rate[j];
-    q += p->phi[j] * v->q[j];
+    q += part * p->phi[j] * v->q[j];
   }
   b->change += p->weight * p->capacity * rate;
   b->size += PetscAbsReal(p->weight * p->capacity * rate);
@@ -84,16 +83,16 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(ScalarCellPoints(all, s, c, &points));
-  if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < points.n; q++) {
-    ScalarPoint p;
+    const PetscReal part = points.sample ? ScalarSamplePart(s, c, q) : 1;
+    ScalarPoint     p;
+    PetscReal       reaction;
 
     PetscCall(ScalarCellPoint(all, &points, q, &p));
-    add_point(all->loc->dim, all->loc->nb, &p, points.sample ? points.sample->source[q] : uniform,
-              !points.sample            ? s->decay * p.capacity
-              : points.sample->lump < 0 ? points.sample->reaction[q]
-                                        : 0,
-              v, b);
+    reaction = part * v->decay * (points.sample ? s->par.capacity : p.capacity);
+    if (points.sample && points.sample->lump < 0) reaction += points.sample->reaction[q];
+    add_point(all->loc->dim, all->loc->nb, &p, part, points.sample ? points.sample->source[q] : uniform, reaction, v,
+              b);
     if (counts) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -318,12 +318,34 @@ HELD = in_free_space(2, 8, 1, "conductivity: 2")
 
 @pytest.mark.parametrize("change, said", [
     (("conductivity: 2", "condition: lumped, capacity: 3"), "give -particle_body_heat_initial, its value at the start"),
-    (("heat: {conductivity: 1}", "heat: {conductivity: 1, decay: 2}"), "-scalar_heat_decay 2 acts in the fluid"),
 ])
 def test_what_bodies_cannot_do_yet_is_refused(run, scene, tmp_path, change, said):
     text = HELD.replace(*change).replace("method: penalty", "method: aligned").replace("steady: true", "dt: 0.01, steps: 2")
     result = run([scene(text), "-output_dir", tmp_path / "out"])
     assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+BESIDE = """mesh: {cells: [20, 20], lower: [-1, -1], upper: [1, 1]}
+flow: {density: 1, viscosity: 1}
+scalars: heat
+scalar:
+  heat: {conductivity: 1, capacity: 2, TERM, initial: 1}
+particle:
+  groups: body
+  body: {shape: circle, radius: 0.43, position: [0.03, 0.02], density: 1, free: none, heat: {conductivity: 5, capacity: 3}}
+sim: {dt: 0.01, steps: 1}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, error", [("aligned", 1e-6), ("penalty", 5e-5), ("nodal", 5e-5)])
+def test_sources_and_reactions_of_the_fluid_end_at_bodies(run, scene, tmp_path, method, error):
+    """Heat a time: of a source 1, the area of the fluid; of a decay, the rate times the heat of the fluid at the end of an implicit step, whose edge the body warms"""
+    area = 4 - math.pi * 0.43**2
+    for term, expected, within in (("source: 1", area, error), ("decay: 2", -4 * area / 1.02, 5e-3), ('source: "-4*heat"', -4 * area / 1.02, 5e-3)):
+        run([scene(BESIDE.replace("TERM", term)), "-couple_method", method, "-output_dir", tmp_path / "out", "-output_overwrite"])
+        last = read_last(tmp_path / "out")
+        assert float(last["scalar_source_heat"]) == pytest.approx(expected, rel=within) and float(last["scalar_error_heat"]) < 1e-12
 
 
 def test_a_mean_gradient_stays_where_it_is_as_a_disc_goes_by(run, scene, tmp_path):
