@@ -41,7 +41,6 @@ struct _p_ScalarBodies {
     PetscInt      *lump;                             /* [nnode_all] body with one value, -1 */
     ScalarSide    *side;                             /* on surfaces that the mesh is lined up with, */
     ScalarSurface *surface;                          /* [nbodies] with fluxes by expressions */
-    PetscInt       nsamples;
     ScalarSamples *samples;
     PetscReal     *pool;
   } * data; /* [n] */
