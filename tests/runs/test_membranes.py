@@ -1,8 +1,11 @@
 """Membranes in a flow: capsules in the plane and in space: momentum, volume, the same on all numbers of ranks, restarts, refusals."""
 import csv
 import math
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
 
 FAR = "bc_left: {type: inflow, velocity: [y, 0]}, bc_right: {type: inflow, velocity: [y, 0]}, bc_bottom: {type: inflow, velocity: [y, 0]}, bc_top: {type: inflow, velocity: [y, 0]}"
 PLANE = f"""mesh: {{cells: [10, 10], lower: [-2, -2], upper: [2, 2]}}
@@ -92,6 +95,13 @@ def test_refusals_in_space(run, scene, options, message):
     name = scene(SPACE.replace("shape: circle, radius: 0.35, ", "") if "torus" in options else SPACE)
     result = run([name, "-output_dir", "out", *options])
     assert result.status and message in result.err and result.err.count("error:") == 1, str(result)
+
+
+def test_scene(run):
+    """capsule-shear on a coarse mesh: the capsule goes along with the shear at first, a little less than a drop without tension (half the strain), along the diagonal."""
+    series = rows(run, ROOT / "runs/capsule-shear.yaml", "-mesh_focus_h", "0.8", "-sim_steps", "2", "-output_every", "0")
+    assert 0.04 < series[0]["solid_taylor_capsule"] < 0.05 and series[0]["solid_taylor_capsule"] < series[1]["solid_taylor_capsule"] < 0.1
+    assert series[1]["solid_axis_x_capsule"] == pytest.approx(0.74, abs=0.03) and abs(series[1]["solid_volume_error_capsule"]) < 1e-12
 
 
 # ---- a vesicle at rest ----

@@ -257,11 +257,14 @@ def find_drops(run, shot):
 def find_solids(run, shot):
     """Edges [9][2] of the outlines of elastic particles in a plane run, parabolas, with their images across periodic boundaries."""
     solids = shot.solids
-    if not solids or solids["cells"].shape[1] != 9:
+    if not solids or shot.dim == 3:
         return []
-    edges = np.concatenate([solids["cells"][:, [i, (i + 1) % 4, 4 + i]] for i in range(4)])
-    _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)  # those of one cell alone, by their middles
-    points = np.einsum("kj,ejx->ekx", parabolas(9)[:, [0, 2, 1]], solids["coordinates"][edges[first[count == 1]]][:, :, :2])
+    edges = solids["cells"]  # of membranes
+    if edges.shape[1] == 9:
+        edges = np.concatenate([edges[:, [i, (i + 1) % 4, 4 + i]] for i in range(4)])
+        _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)  # those of one cell alone, by their middles
+        edges = edges[first[count == 1]]
+    points = np.einsum("kj,ejx->ekx", parabolas(9)[:, [0, 2, 1]], solids["coordinates"][edges][:, :, :2])
     lines = [(0, line, None) for line in points]
     return [line for _, line, _ in add_images(lines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot))]
 

@@ -356,7 +356,7 @@ class Snapshot:
 
     @functools.cached_property
     def solids(self) -> dict[str, np.ndarray]:
-        """Elastic particles at this time: coordinates, displacement, velocity [nodes][3], cells [cells][9 or 27] (order of VTK), solid, J [cells], stress [cells][6] (xx, yy,
+        """Elastic particles at this time: coordinates, displacement, velocity [nodes][3], cells [cells][9 or 27, of membranes 3 or 9] (order of VTK), solid, J [cells], stress [cells][6] (xx, yy,
         zz, xy, xz, yz); {} without."""
         return self._read_beside("solid", flat=("solid", "J"))
 
