@@ -125,7 +125,7 @@ check-64: ## build in build-64/ with a PETSc of 64-bit numbers, tests of numbers
 	@$(MAKE) $(IN_64) check-unit-now ARGS="-k '$(CHECK_64)'"
 	$(MPIEXEC) -n 2 build-64/tumble runs/sedimentation.yaml -sim_time 0.02 -output_dir out/check-64 -output_overwrite
 check-gpu: tests ## the list of scenes of tests/runs/test_device.py on a GPU beside the processor (a build with a PETSc that has CUDA: tools/petsc-current --cuda)
-	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" TUMBLE_DEVICE=cuda $(PYTHON) -m pytest tests/runs/test_device.py $(ARGS)
+	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" TUMBLE_DEVICE=cuda timeout $(or $(LIMIT),240) $(PYTHON) -m pytest tests/runs/test_device.py $(ARGS)
 test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/shape/conformance $(SHAPE) $(ARGS)
