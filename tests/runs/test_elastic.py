@@ -96,6 +96,14 @@ def test_limits(run, scene):
     assert limits["false"]["elastic"]["exceeded"] >= 1 and limits["false"]["elastic"]["steps"] == 3
 
 
+@pytest.mark.parametrize("scene, dt, time, column, value", [("flag", "0.04", "0.4", "watch_y_flag_1", 0.0279), ("heart-valve-soft", "0.01", "0.08", "watch_x_leaflet_1", 0.0499)])
+def test_anchored(rows, scene, dt, time, column, value):
+    """Pole and flag, post and leaflet: where the end is after a part of a period, as with the steps of the scene."""
+    series = rows(scene, "-sim_dt", dt, "-sim_time", time, "-output_every", "0", "-monitor_energy", "true")
+    check_books(series)
+    assert series[-1][column] == pytest.approx(value, rel=0.1)
+
+
 # A disc that settles, 8 cells a diameter, at a viscous number of .4
 SETTLES = """mesh: {cells: [16, 32], lower: [0, 0], upper: [2, 4]}
 flow: {density: 1, viscosity: 1.9, gravity: [0, -980], time: bdf2, ksp_rtol: 1e-6}
