@@ -71,18 +71,6 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Node at lattice point j of cell c, -1 where none is */
-static PetscInt node_at(const MeshLocal *l, PetscInt c, PetscInt j)
-{
-  const MeshHang *h = MeshCellHang(l, c);
-
-  for (PetscInt i = 0; h && i < h->n; i++) {
-    if (h->slot[i] != j) continue;
-    return h->start[i + 1] - h->start[i] == 1 ? l->cell_node[c * l->nb + h->from[h->start[i]]] : -1;
-  }
-  return l->cell_node[c * l->nb + j];
-}
-
 /* Mean stress of the cells of the fluid at every node, mean [nnode_all][ns + 1], last their number */
 static PetscErrorCode average(const Estimate *e, const PetscBool fluid[], PetscReal mean[])
 {
@@ -95,7 +83,7 @@ static PetscErrorCode average(const Estimate *e, const PetscBool fluid[], PetscR
     if (!fluid[c]) continue;
     PetscCall(gather(e, c, &cell));
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt i = node_at(l, c, j);
+      const PetscInt i = FlowCellNode(l, c, j);
 
       if (i < 0) continue;
       for (PetscInt s = 0; s < e->ns; s++) mean[i * bs + s] += cell.stress[j * e->ns + s];
@@ -153,7 +141,7 @@ static void integrate_jumps(const Estimate *e, PetscInt c, const CellFields *cel
 
   *sum = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, l->dim == 3 ? j / 9 : 1}, i = node_at(l, c, j);
+    const PetscInt at[3] = {j % 3, j / 3 % 3, l->dim == 3 ? j / 9 : 1}, i = FlowCellNode(l, c, j);
     PetscReal      w = 0, d = 0;
 
     if (i < 0) continue;

@@ -33,6 +33,14 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
   MeshCellGather(l, c, l->dim, wl);
 }
 
+/* What was found beside u and p (finer.c) */
+static void add_finer(Flow f, PetscInt c, PetscReal r[])
+{
+  const PetscInt n = f->loc->nb * f->loc->dim;
+
+  for (PetscInt i = 0; i < n && f->finer && c < f->loc->ncell; i++) r[i] += f->finer[c * n + i];
+}
+
 PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[])
 {
   const PetscInt nk = f->loc->dim + 1, n = f->loc->nb * f->loc->dim;
@@ -48,6 +56,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   if (f->force.traction) TractionAddCell(f->force.traction, c, -1, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->cells.b[c][k * n + i];
+  add_finer(f, c, r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -87,6 +96,7 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
     if (f->force.traction) TractionAddCell(f->force.traction, c, -1, rl);
     if (l->dim == 2) subtract_pressure(2, 18, f->cells.b[c], pc, rl);
     else subtract_pressure(3, 81, f->cells.b[c], pc, rl);
+    add_finer(f, c, rl);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -124,6 +124,7 @@ struct _p_Flow {
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   OnDevice         device;        /* NULL: everything lies in the memory of the processor */
+  const PetscReal *finer;         /* [ncell][nb][dim] what residuals of cells count beside u and p, or NULL (finer.c) */
   const PetscReal *mesh_velocity; /* [nnode_all][dim] of the nodes, NULL: they stand still */
 };
 
@@ -293,6 +294,18 @@ static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscRea
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
   MeshCellGather(l, c, l->dim, vl);
+}
+
+/* Node at lattice position j of local cell c, -1 where none is. */
+static inline PetscInt FlowCellNode(const MeshLocal *l, PetscInt c, PetscInt j)
+{
+  const MeshHang *h = MeshCellHang(l, c);
+
+  for (PetscInt i = 0; h && i < h->n; i++) {
+    if (h->slot[i] != j) continue;
+    return h->start[i + 1] - h->start[i] == 1 ? l->cell_node[c * l->nb + h->from[h->start[i]]] : -1;
+  }
+  return l->cell_node[c * l->nb + j];
 }
 
 /* Where entry (i, j) of cell c stands in its row: from 0 on among own columns, or (*other) among those of other

@@ -24,6 +24,7 @@
 #define ORDER_MAX 3.5
 #define HALF      2.0 /* cells of a mesh, times those of the one before */
 #define THICK     2   /* cells, of a body that a mesh lined up with it tells the truth about */
+#define FOLLOWED  2.5 /* likewise, whose outline the mesh follows */
 #define BETWEEN   1.5
 #define SAME      1.05 /* cells at least so much larger are another mesh */
 #define VANISHED  2.0  /* order of errors of corners that are seen on the coarsest mesh alone */
@@ -58,23 +59,6 @@ static PetscErrorCode start_trial(void *ctx)
 
   PetscFunctionBeginUser;
   PetscCall(NearbyStart(t->run, t->other));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, Measured *m)
-{
-  Trial    trial = {p, other};
-  PetscInt its, linear;
-
-  PetscFunctionBeginUser;
-  PetscCall((*p->make)(other));
-  PetscCall(SteadySetTolerance(other->steady, SteadyIsLinear(other->steady) ? LINEAR_RTOL : NEAR_RTOL));
-  if (SteadyIsLinear(other->steady)) PetscCall(SteadySetUp(other->steady));
-  else PetscCall(SteadySetUpFrom(other->steady, start_trial, &trial));
-  PetscCall(SteadySolve(other->steady, &its, &linear));
-  PetscCall(CoupleForce(other->couple));
-  PetscCall(refuse_prescribed(other->couple));
-  PetscCall(SubjectMeasure(other, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -124,6 +108,20 @@ PetscErrorCode AccuracyFindOrder(const SimComponents *p, PetscReal *order)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* By elements of the next order, where a mesh that is lined up follows the outline of its bodies */
+static PetscErrorCode estimate_by_order(const SimComponents *p, PetscReal *error, PetscBool *bound)
+{
+  PetscReal order;
+  PetscBool thin;
+
+  PetscFunctionBeginUser;
+  *error = -1;
+  PetscCall(AccuracyIsThin(p, FOLLOWED, &thin));
+  PetscCall(find_order(p, &order));
+  if (!thin) PetscCall(AccuracyByOrder(p, (PetscBool)(order < ORDER_MIN), error, bound));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AccuracyIsThin(const SimComponents *p, PetscReal limit, PetscBool *thin)
 {
   const MeshLocal *l;
@@ -138,6 +136,26 @@ PetscErrorCode AccuracyIsThin(const SimComponents *p, PetscReal limit, PetscBool
     PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
     if (cells > 0 && cells < limit) *thin = PETSC_TRUE;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* error: NULL, or what the other mesh has, as AccuracyByOrder */
+static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, Measured *m, PetscReal *error)
+{
+  Trial     trial = {p, other};
+  PetscInt  its, linear;
+  PetscBool bound;
+
+  PetscFunctionBeginUser;
+  PetscCall((*p->make)(other));
+  PetscCall(SteadySetTolerance(other->steady, SteadyIsLinear(other->steady) ? LINEAR_RTOL : NEAR_RTOL));
+  if (SteadyIsLinear(other->steady)) PetscCall(SteadySetUp(other->steady));
+  else PetscCall(SteadySetUpFrom(other->steady, start_trial, &trial));
+  PetscCall(SteadySolve(other->steady, &its, &linear));
+  PetscCall(CoupleForce(other->couple));
+  PetscCall(refuse_prescribed(other->couple));
+  PetscCall(SubjectMeasure(other, m));
+  if (error) PetscCall(estimate_by_order(other, error, &bound));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -280,7 +298,7 @@ static PetscErrorCode is_wanted(const SimComponents *p, PetscBool *wanted)
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(PETSC_TRUE, wanted));
-  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > SUBJECT_BODIES || InterruptHeard())
+  if (!p->flow || !p->steady || !p->make || p->deform || s->nall > SUBJECT_BODIES || InterruptHeard())
     *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
@@ -288,7 +306,7 @@ static PetscErrorCode is_wanted(const SimComponents *p, PetscBool *wanted)
 }
 
 /* Solves by the options as they are now, changed before as *kept says; else puts those after `before` back */
-static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Meshes *s)
+static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Meshes *s, PetscReal *error)
 {
   SimComponents  other = {.scene = p->scene, .comm = p->comm};
   PetscErrorCode failed;
@@ -296,7 +314,7 @@ static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Mesh
   PetscFunctionBeginUser;
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
-  failed = solve_other(p, &other, &s->m[s->n]); /* fails at a body that this mesh does not see, for one */
+  failed = solve_other(p, &other, &s->m[s->n], error); /* fails at a body that this mesh does not see, for one */
   PetscCall(AgreeEnd());
   PetscCall((*p->destroy)(&other)); /* as far as it was made */
   LogMute(PETSC_FALSE);
@@ -317,7 +335,7 @@ static PetscErrorCode add_mesh(const SimComponents *p, PetscReal factor, Meshes 
   s->ratio[s->n - 1] = ratio * last;
   if (ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->n > 1 && s->ratio[s->n - 1] < SAME * s->ratio[s->n - 2]) PetscCall(CoarserPutBack(&s->kept, before));
-  else PetscCall(add_solution(p, before, s));
+  else PetscCall(add_solution(p, before, s, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -325,7 +343,7 @@ static PetscErrorCode add_mesh(const SimComponents *p, PetscReal factor, Meshes 
 static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscReal *error)
 {
   Subject   subject;
-  PetscReal order;
+  PetscReal order, lined_up = -1;
   PetscBool thin;
 
   PetscFunctionBeginUser;
@@ -335,11 +353,11 @@ static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscRea
   if (thin) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserLineUp(&s->kept));
   s->ratio[0] = 1;
-  PetscCall(add_solution(p, 0, s));
+  PetscCall(add_solution(p, 0, s, &lined_up));
   if (s->n < 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(add_mesh(p, HALF, s));
+  if (lined_up < 0) PetscCall(add_mesh(p, HALF, s));
   PetscCall(SubjectChoose(p, &s->m[0], &subject));
-  *error = differ(&subject, &s->m[0], &s->m[1]);
+  *error = differ(&subject, &s->m[0], &s->m[1]) + PetscMax(0, lined_up);
   if (s->n > 2) *error += differ(&subject, &s->m[1], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1);
   *error = PetscMax(ERROR_MIN, *error);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -384,7 +402,7 @@ PetscErrorCode AccuracyEstimate(const SimComponents *p)
   Meshes   *s;
   Subject   subject;
   PetscReal order = 1, error = -1;
-  PetscBool wanted, drawn;
+  PetscBool wanted, drawn, bound = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(is_wanted(p, &wanted));
@@ -395,11 +413,16 @@ PetscErrorCode AccuracyEstimate(const SimComponents *p)
   PetscCall(AccuracyFindOrder(p, &order));
   PetscCall(are_drawn(p, &drawn));
   if (drawn) PetscCall(estimate_drawn(p, s, &error));
-  if (error < 0) PetscCall(estimate_on_meshes(p, order, drawn, s, &error));
+  else PetscCall(estimate_by_order(p, &error, &bound));
+  if (error < 0 && !p->meshadapt) {
+    PetscCall(estimate_on_meshes(p, order, drawn, s, &error));
+    bound = (PetscBool)(s->trend != TREND_CONVERGES);
+  }
+  if (error >= 0) error = PetscMax(ERROR_MIN, error);
   PetscCall(CoarserPutBack(&s->kept, 0));
   PetscCall(SubjectChoose(p, &s->m[0], &subject));
   if (error >= 0) {
-    PetscCall(AccuracyReport(p, subject.name, error, (PetscBool)(s->trend != TREND_CONVERGES), NULL));
+    PetscCall(AccuracyReport(p, subject.name, error, bound, NULL));
     PetscCall(AccuracyCompare(subject.name, error, NULL, order));
   } else if (s->ratio[0] > 0)
     PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));

@@ -1,14 +1,19 @@
 /* Accuracy: how far the force of a run is from that on an endless mesh, and whether its preset keeps what it promises.
 
-   Steady. At the end the scene is solved twice more, on meshes two thirds and half as fine (-mesh_cells,
-   -mesh_resolution or -dm_refine), with the same methods. Of the difference D to the first |D| / (r^p - 1) is left, r
-   the ratio of the cells (Richardson 1911; Roache 1994), with the order p that the two differences show, 2.5 to 3.5,
-   with corners from 1.1 on; where they have other signs, or do not grow, the least order, and what is found is a bound
-   (extrapolate.h). Bodies that are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell:
-   there the scene is solved on the same mesh lined up with the bodies, and what is estimated is the difference to that
-   and the error of the aligned mesh, by one half as fine. Where the mesh cannot be lined up the order is 1.25. What is
-   judged: subject.h. Costs two thirds of the run (in space less), where bodies are drawn another run. Not for bodies
-   whose velocity is sought, mesh files without -dm_refine, meshes that are deformed or refined by the flow.
+   Steady. On the mesh of the run, lined up with bodies or without any: what elements of the next order, Q3 with P2,
+   find beside the solution, in sweeps over cells with problems of their own, each followed by one linear solve with the
+   last Jacobian (SteadyFiner). The error is 1.3 times what the values change by. Bodies with corners, where that tells
+   half of the error: the energy of what is found is added, and it is a bound. Bodies that are drawn (nodal, penalty)
+   have errors of no order: the scene is solved on the same mesh lined up with them, and what is estimated is the
+   difference to that and the error of that.
+
+   Where that does not do - a stress that is not Newtonian, forces of scalars, bodies so thin that no mesh follows them,
+   cells so large for the flow that sweeps go astray - the scene is solved twice more, on meshes two thirds and half as
+   fine (-mesh_cells, -mesh_resolution or -dm_refine). Of the difference D to the first |D| / (r^p - 1) is left, r the
+   ratio of the cells (Richardson 1911; Roache 1994), with the order p that the two differences show, 2.5 to 3.5, with
+   corners from 1.1 on; where they have other signs, or do not grow, the least order, and what is found is a bound
+   (extrapolate.h). Not so for mesh files without -dm_refine and meshes that are refined by the flow. What is judged:
+   subject.h. Not for bodies whose velocity is sought and meshes that are deformed.
 
    In time. The scene is run twice more on a mesh half as fine, with the same steps and with steps twice as long; the
    difference of the run to the first tells the error of space, that of these two the error of time, by the orders above

@@ -12,3 +12,6 @@ PetscErrorCode AccuracyReport(const SimComponents *, const char what[], PetscRea
                               const PetscReal by_source[2]);
 /* A remark where the preset that was asked for promises less. Collective. */
 PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal by_source[2], PetscReal order);
+/* Error on the mesh of a steady solution by what elements of the next order find beside it, -1: not known; *bound: at
+   most; corners: bodies have some. Collective. */
+PetscErrorCode AccuracyByOrder(const SimComponents *, PetscBool corners, PetscReal *error, PetscBool *bound);

@@ -11,6 +11,7 @@
 #include "gauge.h"
 #include "promise.h"
 #include "start.h"
+#include "timeerror.h"
 
 #define HALF      2.0 /* cells of the trials, times those of the run */
 #define BETWEEN   1.5 /* likewise, where half as many would not be SEEN across a body: errors are of no order there */
@@ -154,15 +155,19 @@ static PetscErrorCode report_no_estimate(const SimComponents *p)
   char       preset[64];
   BodyState *s;
   PetscBool  accurate;
+  PetscReal  steps;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   PetscCall(PetscStrcasecmp(preset, PROMISE_PRESETS[PROMISE_ACCURATE], &accurate));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!accurate || p->steady || p->deform || s->nall > GAUGE_BODIES) PetscFunctionReturn(PETSC_SUCCESS);
+  TimeErrorGet(p->time_error, &steps);
+  PetscCall(PetscPrintf(p->comm, "estimated error: "));
+  if (steps >= 0) PetscCall(PetscPrintf(p->comm, "%.2g %% of the steps, of the mesh ", (double)(100 * steps)));
   PetscCall(
     PetscPrintf(p->comm,
-                "estimated error: not known; -monitor_accuracy true tells whether the %g %% hold here, for about half of the time more\n",
+                "not known; -monitor_accuracy true tells whether the %g %% hold here, for about half of the time more\n",
                 (double)PromisePercent(PROMISE_ACCURATE)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,7 @@
    -flow_pc_, -flow_solver. */
 #pragma once
 #include "couple/couple.h"
+#include "flow/finer.h"
 #include <petscsnes.h>
 
 typedef struct _p_Steady *Steady;
@@ -49,3 +50,9 @@ PetscErrorCode SteadySetUpFrom(Steady, PetscErrorCode (*start)(void *), void *ct
    When a signal ends it (base/interrupt.h) what stands there is the last iterate. Error when nothing converges: names
    the remedies. */
 PetscErrorCode SteadySolve(Steady, PetscInt *its, PetscInt *linear);
+/* After SteadySolve: what elements of the next order would find beside the solution (flow/finer.h), in several sweeps
+   with one linear solve each, by the last Jacobian. After each `look` is called while fields and forces are those with
+   it; at the end they are as before. *ok: the linear solver did it. Collective. */
+#define STEADY_SWEEPS 3 /* at most: two where linear systems are solved by iteration */
+PetscErrorCode SteadyFiner(Steady, PetscErrorCode (*look)(void *ctx, const FlowFinerResult *), void *ctx,
+                           PetscBool *ok);

@@ -25,6 +25,7 @@ struct _p_Steady {
   PetscReal       *zero_velocity;            /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
   PetscReal        shift;                    /* rate of the steps that precondition it, or 0: none do */
   PetscBool        slow;                     /* then the convecting velocity, too */
+  Mat              newton;                   /* velocity matrix of the last set-up, NULL: not Newton's */
   PetscBool        near;                     /* it starts close to the solution */
   char             rtol[16];
 };

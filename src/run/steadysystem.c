@@ -101,6 +101,7 @@ PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
   PetscCall(InterruptAsk(&ends)); /* what follows takes seconds in space, and SteadySolveLinear does without it */
   if (ends) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
+  s->newton = NULL;
   if (s->shift > 0) {
     PetscCall(set_up_shifted(s, newton ? u : NULL));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -108,6 +109,7 @@ PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
   if (newton) {
     PetscCall(FlowAssembleComponents(s->flow, u, &A));
     PetscCall(FlowSolverSetVelocity(s->solver, A));
+    s->newton = A;
   }
   PetscCall(FlowSolverSetUp(s->solver));
   PetscFunctionReturn(PETSC_SUCCESS);

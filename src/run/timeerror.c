@@ -385,11 +385,17 @@ static PetscReal get_estimate(TimeError t)
   return (t->before.error + t->now.error + t->before.past + t->now.past) / speed;
 }
 
+void TimeErrorGet(TimeError t, PetscReal *error)
+{
+  *error = t ? get_estimate(t) : -1;
+}
+
 PetscErrorCode TimeErrorFinish(TimeError t)
 {
-  const PetscReal error = t ? get_estimate(t) : -1;
+  PetscReal error;
 
   PetscFunctionBeginUser;
+  TimeErrorGet(t, &error);
   if (error < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(t->p->monitor, "estimated_error_time", error));
   if (t->asked && error > t->promised && t->n >= t->first)

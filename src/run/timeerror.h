@@ -26,5 +26,7 @@ PetscErrorCode TimeErrorDestroy(TimeError *);
 PetscErrorCode TimeErrorStep(TimeError);
 /* Into the summary: estimated_error_time, a share, where it is known. Collective. */
 PetscErrorCode TimeErrorFinish(TimeError);
+/* The same share, -1: not known. Local. */
+void TimeErrorGet(TimeError, PetscReal *error);
 /* StateVisit of a TimeError. */
 PetscErrorCode TimeErrorVisitState(void *timeerror, State);

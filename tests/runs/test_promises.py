@@ -122,6 +122,26 @@ def test_estimated_error_of_a_force(run, scene):
     assert "-mesh_resolution 4\n" in (result.folder / "out/channel/options.txt").read_text()
 
 
+CUBIC = """mesh: {cells: [3, 2], lower: [0, 0], upper: [1, 1], periodic: [x]}
+flow: {density: 1, viscosity: 1, convection: false, force: ["6*y - 2.6", 0]}
+sim: {steady: true}
+monitor: {accuracy: true}
+"""
+SOLID = ["-mesh_cells", "3,2,3", "-mesh_lower", "0,0,0", "-mesh_upper", "1,1,1", "-mesh_periodic", "x,z", "-flow_force", "6*y - 2.6,0,0"]
+
+
+@pytest.mark.parametrize("options", [[], SOLID], ids=["plane", "space"])
+def test_elements_of_the_next_order_find_a_cubic_flow(run, scene, options):
+    """u = y (1 - y)(y - .3), of which Q2 lacks the cubic part and Q3 nothing: 1.3 times the true error, on one rank and on two."""
+    name = scene(CUBIC, "channel.yaml")
+    for ranks in (1, 2):
+        result = run([name, *options, "-output_overwrite"], ranks)
+        assert not result.status, result.text
+        error = 1.2619047619e-3 / float(rows(result.folder / "out/channel/series.csv")[-1]["kinetic_energy"]) - 1
+        assert error == pytest.approx(7.425e-3, rel=1e-3)
+        assert estimated(result, "kinetic_energy") == pytest.approx(1.3 * error, rel=1e-3)
+
+
 CAVITY = """mesh: {cells: [12, 12], lower: [0, 0], upper: [1, 1]}
 flow: {density: 1, viscosity: 0.01, bc_top: {type: moving_wall, velocity: ["16*x*x*(1-x)*(1-x)", 0]}}
 sim: {steady: true}

@@ -66,6 +66,16 @@ HEXAGONS = ARRAY.replace("shape: circle, radius: 0.25231325", "shape: polygon, p
 PENTAGONS = ARRAY.replace("shape: circle, radius: 0.25231325", "shape: polygon, points: [0.28, 0, 0.0865, 0.2663, -0.2265, 0.1646, -0.2265, -0.1646, 0.0865, -0.2663]")
 SQUARES2 = ELLIPSE.replace("groups: e, e: {shape: ellipse, a: 0.3, b: 0.15, angle: 0.5, position: [1.2, 1.05], free: none}",
                            "groups: [a, b], a: {shape: box, size: [0.4, 0.4], position: [1.2, 0.55], free: none}, b: {shape: box, size: [0.5, 0.4], position: [1.5, 1.4], free: none}")
+UPRIGHT = ELLIPSE.replace("a: 0.3, b: 0.15, angle: 0.5, position: [1.2, 1.05]", "a: 0.35, b: 0.25, angle: 1.1, position: [1.3, 0.93]").replace("viscosity: 0.02", "viscosity: 0.04")
+DISCS2 = ARRAY.replace("groups: c, c: {shape: circle, radius: 0.25231325, position: [0.0123, -0.0071], free: none}",
+                       "groups: [a, b], a: {shape: circle, radius: 0.2, position: [-0.22, -0.2], free: none}, b: {shape: circle, radius: 0.15, position: [0.24, 0.18], free: none}")
+TURNS_IN_BOX = """mesh: {lower: [-1, -1], upper: [1, 1]}
+flow: {density: 1, viscosity: 1, convection: false}
+particle: {groups: j, j: {shape: ellipse, a: 0.5, b: 0.3, angle: 0.4, position: [0.05, -0.1], free: none, angular_velocity: 1}}
+sim: {steady: true}
+"""
+RECTANGLES = ARRAY.replace("shape: circle, radius: 0.25231325", "shape: box, size: [0.5, 0.3]")
+DIAMOND = ELLIPSE.replace("shape: ellipse, a: 0.3, b: 0.15, angle: 0.5", "shape: box, angle: 0.7853982, size: [0.4, 0.4]").replace("viscosity: 0.02", "viscosity: 0.0333")
 # name, scene, options, meshes, true value: a number, or the options of the mesh that has it
 SCENES = [
     ("2D-1, fitted", CYLINDER, "", [f"-mesh_resolution {n}" for n in (3, 4, 6)], 0.01115907046768),
@@ -122,6 +132,19 @@ SCENES = [
     ("new: bearing, the other way, aligned", JOURNAL, "-couple_method aligned -particle_j_position -0.1,0.45 -particle_j_radius 0.3", ["-mesh_resolution 10", "-mesh_resolution 14"],
      "-couple_method aligned -particle_j_position -0.1,0.45 -particle_j_radius 0.3 -mesh_resolution 40"),
     ("new: two squares, aligned", SQUARES2, "-couple_method aligned", ["-mesh_cells 32,16", "-mesh_cells 48,24"], "-couple_method aligned -mesh_cells 160,80"),
+    # declared when the estimate by elements of the next order stood, before they were run
+    ("late: ellipse at Re 10, aligned", UPRIGHT, "-couple_method aligned", ["-mesh_cells 32,16", "-mesh_cells 48,24"], "-couple_method aligned -mesh_cells 112,56"),
+    ("late: two discs in an array, aligned", DISCS2, "-couple_method aligned", ["-mesh_cells 16,16", "-mesh_cells 22,22"], "-couple_method aligned -mesh_cells 56,56"),
+    ("late: ellipse turns in a box, aligned", TURNS_IN_BOX, "-couple_method aligned", ["-mesh_cells 14,14", "-mesh_cells 20,20"], "-couple_method aligned -mesh_cells 56,56"),
+    ("late: trough, 3 by 1, Re 60", TROUGH, "-mesh_upper 3,1 -flow_viscosity 0.0166667", ["-mesh_cells 24,8", "-mesh_cells 36,12"],
+     "-mesh_upper 3,1 -flow_viscosity 0.0166667 -mesh_cells 120,40"),
+    ("late: channel, Re 8, fitted", CHANNEL, "-flow_convection true -flow_viscosity 0.375", ["-mesh_resolution 4", "-mesh_resolution 6"],
+     "-flow_convection true -flow_viscosity 0.375 -mesh_resolution 18"),
+    ("late: spheres, 12.5 %, aligned", SPHERES, "-particle_ball_radius 0.3101752", ["-mesh_cells 8,8,8"], 1 / (6 * 3.141592653589793 * 0.3101752 * 4.292)),
+    ("late: ellipse off the middle, aligned", TURNER, "-couple_method aligned -particle_j_position 0.2,0.1 -particle_j_angle 0.3", ["-mesh_resolution 8", "-mesh_resolution 11"],
+     "-couple_method aligned -particle_j_position 0.2,0.1 -particle_j_angle 0.3 -mesh_resolution 26"),
+    ("late: rectangles, aligned", RECTANGLES, "-couple_method aligned", ["-mesh_cells 16,16", "-mesh_cells 24,24"], "-couple_method aligned -mesh_cells 80,80"),
+    ("late: square on its corner, Re 12, aligned", DIAMOND, "-couple_method aligned", ["-mesh_cells 40,20", "-mesh_cells 56,28"], "-couple_method aligned -mesh_cells 144,72"),
 ]
 
 
