@@ -70,9 +70,9 @@ static void set_metric(const FinerCell *cell, PetscInt q, Point *o)
   const PetscInt     dim = t->dim, nb = t->nb;
   PetscReal          J[9] = {0}, inverse[9];
 
-  for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt d = 0; d < dim; d++)
-      for (PetscInt j = 0; j < nb; j++) J[a * dim + d] += cell->x[j * dim + a] * t->dphi[q][d * nb + j];
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt d = 0; d < dim; d++) J[a * dim + d] += cell->x[j * dim + a] * t->dphi[q][d * nb + j];
   o->w = t->weight[q] * DenseInvertMap(dim, J, inverse);
   for (PetscInt a = 0; a < dim; a++) {
     for (PetscInt j = 0; j < nb; j++) o->g[a][j] = 0;
@@ -188,13 +188,17 @@ static void add_point(const FinerCell *cell, PetscInt q, const Point *o, Oseen *
     c[j] = 0;
     for (PetscInt b = 0; b < dim && par->convection; b++) c[j] += 0.5 * par->density * o->u[b] * o->gw[b][j];
   }
-  for (PetscInt i = 0; i < nw; i++)
-    for (PetscInt j = 0; j < nw; j++) {
-      PetscReal sum = 0;
+  for (PetscInt i = 0; i < nw; i++) {
+    const PetscReal psi = o->w * t->psi[q][i], ci = o->w * c[i];
+    PetscReal      *A = s->A + i * nw;
 
-      for (PetscInt b = 0; b < dim; b++) sum += o->gw[b][i] * o->gw[b][j];
-      s->A[i * nw + j] += o->w * (par->viscosity * sum + c[j] * t->psi[q][i] - c[i] * t->psi[q][j]);
+    for (PetscInt b = 0; b < dim; b++) {
+      const PetscReal slope = o->w * par->viscosity * o->gw[b][i];
+
+      for (PetscInt j = 0; j < nw; j++) A[j] += slope * o->gw[b][j];
     }
+    for (PetscInt j = 0; j < nw && par->convection; j++) A[j] += psi * c[j] - ci * t->psi[q][j];
+  }
   s->volume += o->w;
   for (PetscInt a = 0; a < dim; a++) {
     div += o->gu[a][a];
