@@ -7,14 +7,20 @@
        f V - (what bodies, walls and openings take, and what accelerates fluid and bodies)
 
    for a uniform f (-flow_force, -flow_rate, -couple_backflow). With nodal and penalty, whose fluid fills the domain,
-   that is the error of the balance of momentum once more. */
+   that is the error of the balance of momentum once more.
+
+   Convection moves momentum about, and takes none where nothing flows in or out and bodies stand still. What it does
+   take there is the error of cells too coarse for the flow (flow/README.md); no balance shows it. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
+#include "base/opt.h"
 #include "bodies/local.h"
 #include "fem/element.h"
 
 #define REMARKABLE 5e-3 /* of the driving force: bodies of 4 cells are drawn to 3e-4 of their volume */
+#define TAKEN      1e-2 /* of it, by convection, over the run (runs/studies/turbulence) */
+#define ENOUGH     50   /* steps of it: a start from rest takes nothing, one from noise some */
 
 PetscBool CoupleIsDriven(Couple c)
 {
@@ -58,6 +64,51 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does momentum neither enter nor leave with the flow? */
+static PetscErrorCode is_closed(Couple c, PetscBool *closed)
+{
+  PetscInt  n;
+  PetscBool wall, open;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, closed));
+  PetscCall(MeshGetBoundaryCount(c->mesh, &n));
+  for (PetscInt b = 0; b < n; b++) {
+    PetscCall(ConditionsGetKind(FlowConditions(c->flow), b, &wall, &open));
+    *closed = (PetscBool)(*closed && !open);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Adds up what convection took of the driving force; a remark (once) where it is much */
+static PetscErrorCode watch_convection(Couple c, const FlowDiagnostics *d)
+{
+  char      form[32];
+  PetscBool closed;
+  PetscReal taken = 0, pulled = 0;
+
+  PetscFunctionBeginUser;
+  if (c->driving.told_convection || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    c->driving.taken[a] += d->flux[a] * c->step->dt;
+    c->driving.pulled[a] += c->par->force[a] * c->driving.domain * c->step->dt;
+    if (PetscAbsReal(c->driving.pulled[a]) <= pulled) continue;
+    pulled = PetscAbsReal(c->driving.pulled[a]);
+    taken  = c->driving.taken[a] * (c->driving.pulled[a] < 0 ? -1 : 1);
+  }
+  if (++c->driving.steps < ENOUGH || PetscAbsReal(taken) <= TAKEN * pulled) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeek("-flow_convection_form", form, sizeof(form)));
+  PetscCall(is_closed(c, &closed));
+  c->driving.told_convection = PETSC_TRUE; /* or never will be */
+  if (!closed || !strcmp(form, "conservative")) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(
+    LogRemark("convection has %s %.2g %% of the force that drives the flow by t = %g: the flow is finer than the cells, and friction %s by as much. "
+              "Refine the mesh, or use -flow_convection_form conservative where -flow_rate does not hold the mean velocity",
+              taken > 0 ? "taken" : "added", (double)(100 * PetscAbsReal(taken) / pulled), (double)c->step->time,
+              taken > 0 ? "falls short" : "exceeds it"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBalance *b)
 {
   PetscReal inside, size = 0;
@@ -77,5 +128,6 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
     if (PetscAbsReal(lost) > PetscAbsReal(b->driving)) b->driving = lost;
   }
   PetscCall(remark_driving(c, b->driving));
+  PetscCall(watch_convection(c, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -108,6 +108,10 @@ struct _p_Couple {
   struct {
     PetscReal domain; /* its volume; 0: not measured yet */
     PetscBool told;   /* that bodies and walls do not take the driving force */
+    /* of the run, int over time: what convection took of the momentum, and the driving force, by axes */
+    PetscReal taken[3], pulled[3];
+    PetscInt  steps;
+    PetscBool told_convection;
   } driving;
 };
 
