@@ -6,14 +6,17 @@
 #include "flow/finer.h"
 #include "impl.h"
 
-#define FINER_W 38 /* functions of one component: 8 in the plane */
-#define FINER_Q 64 /* points of quadrature, 4 an axis */
-#define FINER_L 9  /* functions of the pressure, without the constant */
+#define FINER_LINE 4  /* functions along an axis, and points of quadrature */
+#define FINER_W    38 /* functions of one component: 8 in the plane */
+#define FINER_Q    64 /* points of quadrature, 4 an axis */
+#define FINER_L    9  /* functions of the pressure, without the constant */
 
 typedef struct {
   PetscInt  dim, nb, nw, nq, nl;
-  PetscInt  digit[FINER_W][3];                                         /* along an axis: 0, 1, 2 of Q2, FINER_ODD */
-  PetscReal phi[FINER_Q][MESH_MAX_NB], dphi[FINER_Q][3 * MESH_MAX_NB]; /* Q2, as ElementBasis has it */
+  PetscInt  digit[FINER_W][3];                 /* along an axis: 0, 1, 2 of Q2, FINER_ODD */
+  PetscInt  place[FINER_W], node[MESH_MAX_NB]; /* of functions found and of Q2's among all products, x fastest */
+  PetscReal line[2][FINER_LINE][FINER_LINE];   /* value, slope along an axis: function, point */
+  PetscReal back[2][FINER_LINE][FINER_LINE];   /* the same, point, function */
   PetscReal psi[FINER_Q][FINER_W], dpsi[FINER_Q][3][FINER_W], weight[FINER_Q];
 } FinerTables;
 
@@ -40,11 +43,11 @@ typedef struct {
 } FinerSums;
 
 void FinerFillTables(PetscInt dim, FinerTables *);
-/* r [nw][dim]: forces on a cell less what flow and what was found before (NULL: nothing) answer with. Local. */
+/* r [nw][dim]: forces on a cell less what flow and what was found before answer with. Local. */
 void FinerResidual(const FinerCell *, const FinerFound *before, PetscReal r[]);
 /* The cell's own Oseen problem with forces r, so that also with what was found before it is free of divergence but for
    its mean: added to `found`, velocity of which goes into v [nw][dim]. Local. */
 PetscErrorCode FinerSolve(const FinerCell *, const PetscReal r[], const FinerFound *found, PetscReal v[]);
-/* What `found` adds to the momentum residual s [nb][dim] of a cell and takes from its continuity, source [dim + 1]; its
+/* What `found` adds to the momentum residual r [nb][dim] of a cell and takes from its continuity, source [dim + 1]; its
    integrals are added. Local. */
-void FinerAnswer(const FinerCell *, const FinerFound *found, PetscReal s[], PetscReal source[], FinerSums *);
+void FinerAnswer(const FinerCell *, const FinerFound *found, PetscReal r[], PetscReal source[], FinerSums *);

@@ -1,17 +1,23 @@
 /* Flow, finer: one cell (finer.h). */
 #include "compat.h"
 #include "base/algebra.h"
+#include "base/inline.h"
 #include "fem/gauss.h"
 #include "finer.h"
 #include <petscblaslapack.h>
 
-#define NP 4 /* points of quadrature an axis */
+#define NP   FINER_LINE /* points of quadrature an axis: as many as functions */
+#define WIDE (3 * FINER_Q)
 
-/* At a point of quadrature: weight x det J; the flow, with what was found before, and its functions */
+/* At the points of quadrature: weight x det J, slopes of the cell's axes in space; what acts there */
 typedef struct {
-  PetscReal w, y[3], u[3], gu[3][3], p, f[3];
-  PetscReal g[3][MESH_MAX_NB], gw[3][FINER_W], q[FINER_L];
-} Point;
+  PetscReal w[FINER_Q], inverse[FINER_Q][9], y[3][FINER_Q], p[FINER_Q], f[3][FINER_Q];
+} Points;
+
+/* A velocity and its gradient there: component, direction */
+typedef struct {
+  PetscReal u[3][FINER_Q], g[3][3][FINER_Q];
+} Field;
 
 static void list_functions(PetscInt dim, FinerTables *t)
 {
@@ -30,6 +36,14 @@ static void list_functions(PetscInt dim, FinerTables *t)
   }
 }
 
+static PetscInt get_place(const PetscInt digit[3], PetscInt dim)
+{
+  PetscInt at = 0;
+
+  for (PetscInt d = dim - 1; d >= 0; d--) at = at * FINER_LINE + digit[d];
+  return at;
+}
+
 void FinerFillTables(PetscInt dim, FinerTables *t)
 {
   t->dim = dim;
@@ -37,179 +51,268 @@ void FinerFillTables(PetscInt dim, FinerTables *t)
   t->nq  = dim == 2 ? NP * NP : NP * NP * NP;
   t->nl  = dim + dim * (dim + 1) / 2;
   list_functions(dim, t);
+  for (PetscInt i = 0; i < t->nw; i++) t->place[i] = get_place(t->digit[i], dim);
+  for (PetscInt j = 0; j < t->nb; j++) t->node[j] = get_place((PetscInt[3]){j % 3, j / 3 % 3, j / 9}, dim);
+  for (PetscInt q = 0; q < NP; q++) {
+    const PetscReal xi = GAUSS4_POINT[q];
+    PetscReal       v[3], dv[3];
+
+    ElementLine(xi, v, dv);
+    for (PetscInt i = 0; i < FINER_LINE; i++) {
+      t->line[0][i][q] = t->back[0][q][i] = i < 3 ? v[i] : xi * (xi * xi - 1);
+      t->line[1][i][q] = t->back[1][q][i] = i < 3 ? dv[i] : 3 * xi * xi - 1;
+    }
+  }
   for (PetscInt q = 0; q < t->nq; q++) {
     const PetscInt at[3] = {q % NP, q / NP % NP, q / (NP * NP)};
-    PetscReal      xi[3], v[3][4], dv[3][4];
 
     t->weight[q] = 1;
-    for (PetscInt d = 0; d < dim; d++) {
-      xi[d] = GAUSS4_POINT[at[d]];
-      t->weight[q] *= GAUSS4_WEIGHT[at[d]];
-      ElementLine(xi[d], v[d], dv[d]);
-      v[d][FINER_ODD]  = xi[d] * (xi[d] * xi[d] - 1);
-      dv[d][FINER_ODD] = 3 * xi[d] * xi[d] - 1;
-    }
-    ElementBasis(dim, xi, t->phi[q], t->dphi[q]);
-    for (PetscInt i = 0; i < t->nw; i++) {
-      t->psi[q][i] = 1;
-      for (PetscInt d = 0; d < dim; d++) t->psi[q][i] *= v[d][t->digit[i][d]];
-      for (PetscInt e = 0; e < dim; e++) {
-        t->dpsi[q][e][i] = 1;
-        for (PetscInt d = 0; d < dim; d++) t->dpsi[q][e][i] *= (d == e ? dv : v)[d][t->digit[i][d]];
+    for (PetscInt d = 0; d < dim; d++) t->weight[q] *= GAUSS4_WEIGHT[at[d]];
+    for (PetscInt i = 0; i < t->nw; i++)
+      for (PetscInt e = 0; e <= dim; e++) {
+        PetscReal *value = e == dim ? &t->psi[q][i] : &t->dpsi[q][e][i];
+
+        *value = 1;
+        for (PetscInt d = 0; d < dim; d++) *value *= t->line[d == e][t->digit[i][d]][at[d]];
       }
-    }
   }
 }
 
-/* ---- at a point ---- */
+/* ---- from functions to points and back, axis by axis (Orszag 1980) ---- */
 
-/* Gradients in space, weight */
-static void set_metric(const FinerCell *cell, PetscInt q, Point *o)
+/* Along the slowest axis of in [4][rest], which is the fastest of out */
+INLINE void contract(const int rest, const PetscReal m[FINER_LINE][FINER_LINE], const PetscReal *restrict in,
+                     PetscReal *restrict out)
+{
+  for (int r = 0; r < rest; r++)
+    for (int q = 0; q < FINER_LINE; q++)
+      out[r * FINER_LINE + q] = m[0][q] * in[r] + m[1][q] * in[rest + r] + m[2][q] * in[2 * rest + r] +
+                                m[3][q] * in[3 * rest + r];
+}
+
+/* With the second of m along axis `slope`, with the first along the others */
+static void transform(PetscInt dim, const PetscReal m[2][FINER_LINE][FINER_LINE], PetscInt slope, const PetscReal in[],
+                      PetscReal out[])
+{
+  PetscReal a[FINER_Q], b[FINER_Q];
+
+  if (dim == 2) {
+    contract(4, m[slope == 1], in, a);
+    contract(4, m[slope == 0], a, out);
+  } else {
+    contract(16, m[slope == 2], in, a);
+    contract(16, m[slope == 1], a, b);
+    contract(16, m[slope == 0], b, out);
+  }
+}
+
+/* Sum over points of s times a function and of its slopes times g; to c, by place */
+static void integrate(const FinerTables *t, const PetscReal s[], const PetscReal g[3][FINER_Q], PetscReal c[])
+{
+  PetscReal part[FINER_Q];
+
+  transform(t->dim, t->back, -1, s, c);
+  for (PetscInt d = 0; d < t->dim; d++) {
+    transform(t->dim, t->back, d, g[d], part);
+    for (PetscInt i = 0; i < t->nq; i++) c[i] += part[i];
+  }
+}
+
+/* ---- at the points ---- */
+
+/* Of Q2 u [nb][dim] and what is found v [nw][dim]; either may be NULL */
+static void find_field(const FinerTables *t, const Points *o, const PetscReal u[], const PetscReal v[], Field *field)
+{
+  const PetscInt dim = t->dim;
+  PetscReal      c[FINER_Q], slope[3][FINER_Q];
+
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscCallVoid(PetscArrayzero(c, FINER_Q));
+    for (PetscInt j = 0; j < t->nb && u; j++) c[t->node[j]] = u[j * dim + a];
+    for (PetscInt j = 0; j < t->nw && v; j++) c[t->place[j]] += v[j * dim + a];
+    transform(dim, t->line, -1, c, field->u[a]);
+    for (PetscInt d = 0; d < dim; d++) transform(dim, t->line, d, c, slope[d]);
+    for (PetscInt b = 0; b < dim; b++)
+      for (PetscInt q = 0; q < t->nq; q++) {
+        field->g[a][b][q] = 0;
+        for (PetscInt d = 0; d < dim; d++) field->g[a][b][q] += o->inverse[q][d * dim + b] * slope[d][q];
+      }
+  }
+}
+
+static void set_metric(const FinerCell *cell, Points *o)
+{
+  const FinerTables *t      = cell->t;
+  const PetscInt     dim    = t->dim;
+  const PetscReal   *centre = cell->x + (t->nb / 2) * dim;
+  PetscReal          c[FINER_Q], slope[3][3][FINER_Q];
+
+  PetscCallVoid(PetscArrayzero(c, FINER_Q));
+  for (PetscInt a = 0; a < dim; a++) {
+    for (PetscInt j = 0; j < t->nb; j++) c[t->node[j]] = (cell->x[j * dim + a] - centre[a]) / cell->h;
+    transform(dim, t->line, -1, c, o->y[a]);
+    for (PetscInt d = 0; d < dim; d++) transform(dim, t->line, d, c, slope[a][d]);
+  }
+  for (PetscInt q = 0; q < t->nq; q++) {
+    PetscReal J[9];
+
+    for (PetscInt i = 0; i < dim * dim; i++) J[i] = cell->h * slope[i / dim][i % dim][q];
+    o->w[q] = t->weight[q] * DenseInvertMap(dim, J, o->inverse[q]);
+  }
+}
+
+/* Functions of the pressure */
+static void fill_pressures(PetscInt dim, const Points *o, PetscInt q, PetscReal f[])
+{
+  PetscInt k = dim;
+
+  for (PetscInt a = 0; a < dim; a++) {
+    f[a] = o->y[a][q];
+    for (PetscInt b = 0; b <= a; b++) f[k++] = o->y[a][q] * o->y[b][q];
+  }
+}
+
+static void set_points(const FinerCell *cell, const FinerFound *before, Points *o)
 {
   const FinerTables *t   = cell->t;
-  const PetscInt     dim = t->dim, nb = t->nb;
-  PetscReal          J[9] = {0}, inverse[9];
+  const PetscInt     dim = t->dim;
+  PetscReal          c[FINER_Q], f[FINER_L];
 
-  for (PetscInt j = 0; j < nb; j++)
-    for (PetscInt a = 0; a < dim; a++)
-      for (PetscInt d = 0; d < dim; d++) J[a * dim + d] += cell->x[j * dim + a] * t->dphi[q][d * nb + j];
-  o->w = t->weight[q] * DenseInvertMap(dim, J, inverse);
+  set_metric(cell, o);
+  for (PetscInt q = 0; q < t->nq; q++) {
+    fill_pressures(dim, o, q, f);
+    o->p[q] = cell->p[0];
+    for (PetscInt a = 0; a < dim; a++) o->p[q] += cell->p[1 + a] * f[a];
+    for (PetscInt k = 0; k < t->nl; k++) o->p[q] += before->p[k] * f[k];
+  }
+  PetscCallVoid(PetscArrayzero(c, FINER_Q));
   for (PetscInt a = 0; a < dim; a++) {
-    for (PetscInt j = 0; j < nb; j++) o->g[a][j] = 0;
-    for (PetscInt j = 0; j < t->nw; j++) o->gw[a][j] = 0;
-    for (PetscInt d = 0; d < dim; d++) {
-      for (PetscInt j = 0; j < nb; j++) o->g[a][j] += inverse[d * dim + a] * t->dphi[q][d * nb + j];
-      for (PetscInt j = 0; j < t->nw; j++) o->gw[a][j] += inverse[d * dim + a] * t->dpsi[q][d][j];
-    }
+    for (PetscInt j = 0; j < t->nb; j++) c[t->node[j]] = cell->source[j * dim + a] + cell->f->par.force[a];
+    transform(dim, t->line, -1, c, o->f[a]);
   }
 }
 
-/* u, grad u of what is found are added */
-static void add_found(const FinerTables *t, PetscInt q, const Point *o, const PetscReal v[], PetscReal u[3],
-                      PetscReal gu[3][3])
-{
-  for (PetscInt j = 0; j < t->nw; j++)
-    for (PetscInt a = 0; a < t->dim; a++) {
-      u[a] += t->psi[q][j] * v[j * t->dim + a];
-      for (PetscInt b = 0; b < t->dim; b++) gu[a][b] += o->gw[b][j] * v[j * t->dim + a];
-    }
-}
-
-static void set_point(const FinerCell *cell, const FinerFound *before, PetscInt q, Point *o)
-{
-  const FinerTables *t   = cell->t;
-  const PetscInt     dim = t->dim, nb = t->nb;
-  const PetscReal   *centre = cell->x + (nb / 2) * dim;
-  PetscInt           k      = dim;
-
-  set_metric(cell, q, o);
-  PetscCallVoid(PetscMemzero(o->gu, sizeof(o->gu)));
-  for (PetscInt a = 0; a < dim; a++) {
-    PetscReal x = 0;
-
-    o->u[a] = 0;
-    o->f[a] = cell->f->par.force[a];
-    for (PetscInt j = 0; j < nb; j++) {
-      x += t->phi[q][j] * cell->x[j * dim + a];
-      o->u[a] += t->phi[q][j] * cell->u[j * dim + a];
-      o->f[a] += t->phi[q][j] * cell->source[j * dim + a];
-      for (PetscInt b = 0; b < dim; b++) o->gu[a][b] += o->g[b][j] * cell->u[j * dim + a];
-    }
-    o->y[a] = (x - centre[a]) / cell->h;
-  }
-  o->p = cell->p[0];
-  for (PetscInt a = 0; a < dim; a++) {
-    o->q[a] = o->y[a];
-    o->p += cell->p[1 + a] * o->y[a];
-    for (PetscInt b = 0; b <= a; b++) o->q[k++] = o->y[a] * o->y[b];
-  }
-  if (!before) return;
-  for (PetscInt i = 0; i < t->nl; i++) o->p += before->p[i] * o->q[i];
-  add_found(t, q, o, before->v, o->u, o->gu);
-}
-
-/* rho (u.grad u + skew div u u) */
-static void convect(const FlowParameters *par, PetscInt dim, const PetscReal u[3], PetscReal gu[3][3], PetscReal c[3])
+/* rho (u.grad u + skew div u u) at point q */
+static void convect(const FlowParameters *par, PetscInt dim, const Field *v, PetscInt q, PetscReal c[3])
 {
   PetscReal div = 0;
 
-  for (PetscInt a = 0; a < dim; a++) div += gu[a][a];
+  for (PetscInt a = 0; a < dim; a++) div += v->g[a][a][q];
   for (PetscInt a = 0; a < dim; a++) {
     c[a] = 0;
     if (!par->convection) continue;
-    c[a] = par->density * par->skew * div * u[a];
-    for (PetscInt b = 0; b < dim; b++) c[a] += par->density * u[b] * gu[a][b];
+    c[a] = par->density * par->skew * div * v->u[a][q];
+    for (PetscInt b = 0; b < dim; b++) c[a] += par->density * v->u[b][q] * v->g[a][b][q];
   }
+}
+
+/* Component a of the stress viscosity grad v - p, along the cell's axes, times the weight */
+static void set_stress(const FinerCell *cell, const Points *o, const Field *v, const PetscReal p[], PetscInt a,
+                       PetscReal stress[3][FINER_Q])
+{
+  const PetscInt dim = cell->t->dim;
+
+  for (PetscInt d = 0; d < dim; d++)
+    for (PetscInt q = 0; q < cell->t->nq; q++) {
+      PetscReal sum = -p[q] * o->inverse[q][d * dim + a];
+
+      for (PetscInt b = 0; b < dim; b++) sum += cell->f->par.viscosity * v->g[a][b][q] * o->inverse[q][d * dim + b];
+      stress[d][q] = o->w[q] * sum;
+    }
 }
 
 /* ---- the residual ---- */
 
 void FinerResidual(const FinerCell *cell, const FinerFound *before, PetscReal r[])
 {
-  const FinerTables    *t   = cell->t;
-  const FlowParameters *par = &cell->f->par;
-  const PetscInt        dim = t->dim;
-  Point                 o;
-  PetscReal             c[3];
+  const FinerTables *t   = cell->t;
+  const PetscInt     dim = t->dim;
+  Points             o;
+  Field              u;
+  PetscReal          s[3][FINER_Q], stress[3][FINER_Q], sum[FINER_Q], c[3];
 
-  for (PetscInt i = 0; i < t->nw * dim; i++) r[i] = 0;
+  set_points(cell, before, &o);
+  find_field(t, &o, cell->u, before->v, &u);
   for (PetscInt q = 0; q < t->nq; q++) {
-    set_point(cell, before, q, &o);
-    convect(par, dim, o.u, o.gu, c);
-    for (PetscInt i = 0; i < t->nw; i++)
-      for (PetscInt a = 0; a < dim; a++) {
-        PetscReal sum = (o.f[a] - c[a]) * t->psi[q][i] + o.p * o.gw[a][i];
-
-        for (PetscInt b = 0; b < dim; b++) sum -= par->viscosity * o.gu[a][b] * o.gw[b][i];
-        r[i * dim + a] += o.w * sum;
-      }
+    convect(&cell->f->par, dim, &u, q, c);
+    for (PetscInt a = 0; a < dim; a++) s[a][q] = o.w[q] * (c[a] - o.f[a][q]);
+  }
+  for (PetscInt a = 0; a < dim; a++) {
+    set_stress(cell, &o, &u, o.p, a, stress);
+    integrate(t, s[a], stress, sum);
+    for (PetscInt i = 0; i < t->nw; i++) r[i * dim + a] = -sum[t->place[i]];
   }
 }
 
 /* ---- the cell's own problem ---- */
 
 typedef struct {
-  PetscReal A[FINER_W * FINER_W];   /* of one component */
-  PetscReal B[3][FINER_L][FINER_W]; /* of the divergence of a component */
-  PetscReal flux[3][FINER_W], g[FINER_L], mean[FINER_L], volume;
+  PetscReal A[FINER_W * FINER_W];          /* of one component */
+  PetscReal B[3][(FINER_L + 1) * FINER_W]; /* of the divergence of a component; last that with 1 */
+  PetscReal g[FINER_L + 1], mean[FINER_L + 1];
   PetscReal Y[3][(FINER_L + 1) * FINER_W]; /* A^-1 (B^T, r) */
 } Oseen;
 
-/* The convection in skew-symmetric form: what it lacks at the surface of a cell cancels between two of them, and the
-   problem of each is definite (Achdou, Le Tallec, Nataf & Vidrascu, Comput. Methods Appl. Mech. Eng. 184, 2000) */
-static void add_point(const FinerCell *cell, PetscInt q, const Point *o, Oseen *s)
+/* C += alpha A^T B of A [n][na], B [n][nb], rows one after the other */
+static PetscErrorCode add_product(PetscInt n, PetscInt na, PetscInt nb, const PetscReal A[], const PetscReal B[],
+                                  PetscReal alpha, PetscReal C[])
+{
+  PetscBLASInt k, l, m;
+  PetscReal    one = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscBLASIntCast(n, &k));
+  PetscCall(PetscBLASIntCast(nb, &l));
+  PetscCall(PetscBLASIntCast(na, &m));
+  PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &l, &m, &k, &alpha, B, &l, A, &m, &one, C, &l));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A and B, by products over all points of functions times the root of the weight. The convection in skew-symmetric
+   form: what it lacks at the surface of a cell cancels between two of them, and the problem of each is definite
+   (Achdou, Le Tallec, Nataf & Vidrascu, Comput. Methods Appl. Mech. Eng. 184, 2000) */
+static PetscErrorCode set_matrices(const FinerCell *cell, const Points *o, const Field *u, Oseen *s)
 {
   const FinerTables    *t   = cell->t;
   const FlowParameters *par = &cell->f->par;
-  const PetscInt        dim = t->dim, nw = t->nw;
-  PetscReal             c[FINER_W], div  = 0;
+  const PetscInt        dim = t->dim, nw = t->nw, nl = t->nl;
+  PetscReal             G[WIDE * FINER_W], P[FINER_Q * FINER_W], C[FINER_Q * FINER_W], L[FINER_Q * (FINER_L + 1)];
+  PetscReal             M[FINER_W * FINER_W] = {0};
 
-  for (PetscInt j = 0; j < nw; j++) {
-    c[j] = 0;
-    for (PetscInt b = 0; b < dim && par->convection; b++) c[j] += 0.5 * par->density * o->u[b] * o->gw[b][j];
-  }
-  for (PetscInt i = 0; i < nw; i++) {
-    const PetscReal psi = o->w * t->psi[q][i], ci = o->w * c[i];
-    PetscReal      *A = s->A + i * nw;
+  PetscFunctionBeginUser;
+  for (PetscInt q = 0; q < t->nq; q++) {
+    const PetscReal root = PetscSqrtReal(o->w[q]);
+    PetscReal      *l = L + q * (nl + 1), div = 0, *g[3];
 
-    for (PetscInt b = 0; b < dim; b++) {
-      const PetscReal slope = o->w * par->viscosity * o->gw[b][i];
-
-      for (PetscInt j = 0; j < nw; j++) A[j] += slope * o->gw[b][j];
+    for (PetscInt a = 0; a < dim; a++) {
+      g[a] = G + (a * t->nq + q) * nw;
+      for (PetscInt j = 0; j < nw; j++) g[a][j] = 0;
+      for (PetscInt d = 0; d < dim; d++)
+        for (PetscInt j = 0; j < nw; j++) g[a][j] += root * o->inverse[q][d * dim + a] * t->dpsi[q][d][j];
+      div += u->g[a][a][q];
     }
-    for (PetscInt j = 0; j < nw && par->convection; j++) A[j] += psi * c[j] - ci * t->psi[q][j];
+    fill_pressures(dim, o, q, l);
+    l[nl] = 1;
+    for (PetscInt k = 0; k <= nl; k++) {
+      s->mean[k] += o->w[q] * l[k];
+      s->g[k] -= o->w[q] * l[k] * div;
+      l[k] *= root;
+    }
+    for (PetscInt j = 0; j < nw && par->convection; j++) {
+      P[q * nw + j] = root * t->psi[q][j];
+      C[q * nw + j] = 0;
+      for (PetscInt b = 0; b < dim; b++) C[q * nw + j] += 0.5 * par->density * u->u[b][q] * g[b][j];
+    }
   }
-  s->volume += o->w;
-  for (PetscInt a = 0; a < dim; a++) {
-    div += o->gu[a][a];
-    for (PetscInt j = 0; j < nw; j++) s->flux[a][j] += o->w * o->gw[a][j];
-  }
-  for (PetscInt k = 0; k < t->nl; k++) {
-    s->mean[k] += o->w * o->q[k];
-    s->g[k] -= o->w * o->q[k] * div;
-    for (PetscInt a = 0; a < dim; a++)
-      for (PetscInt j = 0; j < nw; j++) s->B[a][k][j] += o->w * o->q[k] * o->gw[a][j];
-  }
+  PetscCall(add_product(dim * t->nq, nw, nw, G, G, par->viscosity, s->A));
+  for (PetscInt a = 0; a < dim; a++) PetscCall(add_product(t->nq, nl + 1, nw, L, G + a * t->nq * nw, 1, s->B[a]));
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt i = 0; i < nl * nw; i++) s->B[a][i] -= s->mean[i / nw] / s->mean[nl] * s->B[a][nl * nw + i % nw];
+  if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(add_product(t->nq, nw, nw, P, C, 1, M));
+  for (PetscInt i = 0; i < nw; i++)
+    for (PetscInt j = 0; j < nw; j++) s->A[i * nw + j] += M[i * nw + j] - M[j * nw + i];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Y of component a: LAPACK has columns, and so A transposed */
@@ -228,8 +331,8 @@ static PetscErrorCode solve_component(const FinerCell *cell, PetscInt a, const P
 
     for (PetscInt j = 0; j < nw && given; j++) M[j * nw + i] = M[i * nw + j] = 0;
     for (PetscInt k = 0; k < nl; k++) {
-      if (given) s->B[a][k][i] = 0;
-      Y[k * nw + i] = s->B[a][k][i];
+      if (given) s->B[a][k * nw + i] = 0;
+      Y[k * nw + i] = s->B[a][k * nw + i];
     }
     if (given) M[i * nw + i] = 1;
     Y[nl * nw + i] = given ? 0 : r[i * dim + a];
@@ -253,8 +356,8 @@ static PetscErrorCode solve_pressure(const FinerTables *t, const Oseen *s, Petsc
     for (PetscInt i = 0; i < nl; i++) S[i * nl + k] = 0;
     for (PetscInt a = 0; a < t->dim; a++)
       for (PetscInt j = 0; j < nw; j++) {
-        p[k] -= s->B[a][k][j] * s->Y[a][nl * nw + j];
-        for (PetscInt i = 0; i < nl; i++) S[i * nl + k] += s->B[a][k][j] * s->Y[a][i * nw + j];
+        p[k] -= s->B[a][k * nw + j] * s->Y[a][nl * nw + j];
+        for (PetscInt i = 0; i < nl; i++) S[i * nl + k] += s->B[a][k * nw + j] * s->Y[a][i * nw + j];
       }
   }
   PetscCallBLAS("LAPACKgetrf", LAPACKgetrf_(&n, &n, S, &n, pivot, &info));
@@ -267,18 +370,15 @@ PetscErrorCode FinerSolve(const FinerCell *cell, const PetscReal r[], const Fine
 {
   const FinerTables *t   = cell->t;
   const PetscInt     dim = t->dim, nw = t->nw, nl = t->nl;
-  Oseen              s = {.volume = 0};
-  Point              o;
+  Oseen              s = {.g = {0}};
+  Points             o;
+  Field              u;
   PetscReal          p[FINER_L];
 
   PetscFunctionBeginUser;
-  for (PetscInt q = 0; q < t->nq; q++) {
-    set_point(cell, found, q, &o);
-    add_point(cell, q, &o, &s);
-  }
-  for (PetscInt k = 0; k < nl; k++)
-    for (PetscInt a = 0; a < dim; a++)
-      for (PetscInt j = 0; j < nw; j++) s.B[a][k][j] -= s.mean[k] / s.volume * s.flux[a][j];
+  set_metric(cell, &o);
+  find_field(t, &o, cell->u, found->v, &u);
+  PetscCall(set_matrices(cell, &o, &u, &s));
   for (PetscInt a = 0; a < dim; a++) PetscCall(solve_component(cell, a, r, &s));
   PetscCall(solve_pressure(t, &s, p));
   for (PetscInt k = 0; k < nl; k++) found->p[k] += p[k];
@@ -292,42 +392,52 @@ PetscErrorCode FinerSolve(const FinerCell *cell, const PetscReal r[], const Fine
 
 /* ---- what it does to the others ---- */
 
-void FinerAnswer(const FinerCell *cell, const FinerFound *found, PetscReal s[], PetscReal source[], FinerSums *sums)
+/* At point q, of flow u and what is found v */
+static void add_sums(const FlowParameters *par, PetscInt dim, const Field *u, const Field *v, PetscInt q, PetscReal w,
+                     FinerSums *sums)
 {
-  const FinerTables    *t   = cell->t;
-  const FlowParameters *par = &cell->f->par;
-  const PetscInt        dim = t->dim;
-  Point                 o;
-
-  for (PetscInt i = 0; i < t->nb * dim; i++) s[i] = 0;
-  for (PetscInt k = 0; k <= dim; k++) source[k] = 0;
-  for (PetscInt q = 0; q < t->nq; q++) {
-    PetscReal before[3], after[3], v[3] = {0, 0, 0}, gv[3][3] = {{0}}, p = 0, div = 0;
-
-    set_point(cell, NULL, q, &o);
-    convect(par, dim, o.u, o.gu, before);
-    add_found(t, q, &o, found->v, v, gv);
-    for (PetscInt a = 0; a < dim; a++) {
-      div += gv[a][a];
-      sums->velocity[a] += o.w * v[a];
-      sums->energy += o.w * par->density * (o.u[a] + 0.5 * v[a]) * v[a];
-      o.u[a] += v[a];
-      for (PetscInt b = 0; b < dim; b++) {
-        sums->correction += o.w * par->viscosity * PetscSqr(gv[a][b]);
-        sums->dissipation += o.w * par->viscosity * PetscSqr(o.gu[a][b]);
-        o.gu[a][b] += gv[a][b];
-      }
+  for (PetscInt a = 0; a < dim; a++) {
+    sums->velocity[a] += w * v->u[a][q];
+    sums->energy += w * par->density * (u->u[a][q] + 0.5 * v->u[a][q]) * v->u[a][q];
+    for (PetscInt b = 0; b < dim; b++) {
+      sums->correction += w * par->viscosity * PetscSqr(v->g[a][b][q]);
+      sums->dissipation += w * par->viscosity * PetscSqr(u->g[a][b][q]);
     }
-    convect(par, dim, o.u, o.gu, after);
-    for (PetscInt k = 0; k < t->nl; k++) p += found->p[k] * o.q[k];
-    for (PetscInt i = 0; i < t->nb; i++)
-      for (PetscInt a = 0; a < dim; a++) {
-        PetscReal sum = (after[a] - before[a]) * t->phi[q][i] - p * o.g[a][i];
+  }
+}
 
-        for (PetscInt b = 0; b < dim; b++) sum += par->viscosity * gv[a][b] * o.g[b][i];
-        s[i * dim + a] += o.w * sum;
-      }
-    source[0] -= o.w * div;
-    for (PetscInt a = 0; a < dim; a++) source[1 + a] -= o.w * div * o.y[a];
+void FinerAnswer(const FinerCell *cell, const FinerFound *found, PetscReal r[], PetscReal source[], FinerSums *sums)
+{
+  const FinerTables *t   = cell->t;
+  const PetscInt     dim = t->dim;
+  Points             o;
+  Field              u, v, both;
+  PetscReal          s[3][FINER_Q], stress[3][FINER_Q], sum[FINER_Q], p[FINER_Q], f[FINER_L], before[3], after[3];
+
+  for (PetscInt k = 0; k <= dim; k++) source[k] = 0;
+  set_metric(cell, &o);
+  find_field(t, &o, cell->u, NULL, &u);
+  find_field(t, &o, NULL, found->v, &v);
+  find_field(t, &o, cell->u, found->v, &both);
+  for (PetscInt q = 0; q < t->nq; q++) {
+    PetscReal div = 0;
+
+    convect(&cell->f->par, dim, &u, q, before);
+    convect(&cell->f->par, dim, &both, q, after);
+    add_sums(&cell->f->par, dim, &u, &v, q, o.w[q], sums);
+    fill_pressures(dim, &o, q, f);
+    p[q] = 0;
+    for (PetscInt k = 0; k < t->nl; k++) p[q] += found->p[k] * f[k];
+    for (PetscInt a = 0; a < dim; a++) {
+      div += v.g[a][a][q];
+      s[a][q] = o.w[q] * (after[a] - before[a]);
+    }
+    source[0] -= o.w[q] * div;
+    for (PetscInt a = 0; a < dim; a++) source[1 + a] -= o.w[q] * div * o.y[a][q];
+  }
+  for (PetscInt a = 0; a < dim; a++) {
+    set_stress(cell, &o, &v, p, a, stress);
+    integrate(t, s[a], stress, sum);
+    for (PetscInt i = 0; i < t->nb; i++) r[i * dim + a] = sum[t->node[i]];
   }
 }
