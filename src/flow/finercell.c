@@ -247,10 +247,12 @@ void FinerResidual(const FinerCell *cell, const FinerFound *before, PetscReal r[
 /* ---- the cell's own problem ---- */
 
 typedef struct {
-  PetscReal A[FINER_W * FINER_W];          /* of one component */
-  PetscReal B[3][(FINER_L + 1) * FINER_W]; /* of the divergence of a component; last that with 1 */
-  PetscReal g[FINER_L + 1], mean[FINER_L + 1];
-  PetscReal Y[3][(FINER_L + 1) * FINER_W]; /* A^-1 (B^T, r) */
+  PetscReal    A[FINER_W * FINER_W];          /* of one component */
+  PetscReal    B[3][(FINER_L + 1) * FINER_W]; /* of the divergence of a component; last that with 1 */
+  PetscReal    g[FINER_L + 1], mean[FINER_L + 1];
+  PetscReal    Y[3][(FINER_L + 1) * FINER_W]; /* A^-1 (B^T, r) */
+  PetscReal    factor[FINER_W * FINER_W];     /* of A, of the component that was solved last */
+  PetscBLASInt pivot[FINER_W];
 } Oseen;
 
 /* C += alpha A^T B of A [n][na], B [n][nb], rows one after the other */
@@ -315,31 +317,34 @@ static PetscErrorCode set_matrices(const FinerCell *cell, const Points *o, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Y of component a: LAPACK has columns, and so A transposed */
+/* Y of component a: LAPACK has columns, and so A transposed. Where the same is given of the component before, its
+   factors serve. */
 static PetscErrorCode solve_component(const FinerCell *cell, PetscInt a, const PetscReal r[], Oseen *s)
 {
   const PetscInt nw = cell->t->nw, nl = cell->t->nl, dim = cell->t->dim;
-  PetscBLASInt   n, m, pivot[FINER_W], info;
-  PetscReal      M[FINER_W * FINER_W], *Y = s->Y[a];
+  PetscBLASInt   n, m, info;
+  PetscReal     *Y = s->Y[a], *M = s->factor;
+  PetscBool      same = (PetscBool)(a > 0);
 
   PetscFunctionBeginUser;
   PetscCall(PetscBLASIntCast(nw, &n));
   PetscCall(PetscBLASIntCast(nl + 1, &m));
-  PetscCall(PetscArraycpy(M, s->A, nw * nw));
+  for (PetscInt i = 0; i < nw && same; i++)
+    same = (PetscBool)(((cell->given[i] >> a) & 1) == ((cell->given[i] >> (a - 1)) & 1));
+  if (!same) PetscCall(PetscArraycpy(M, s->A, nw * nw));
   for (PetscInt i = 0; i < nw; i++) {
     const PetscBool given = (PetscBool)((cell->given[i] >> a) & 1);
 
-    for (PetscInt j = 0; j < nw && given; j++) M[j * nw + i] = M[i * nw + j] = 0;
+    for (PetscInt j = 0; j < nw && given && !same; j++) M[j * nw + i] = M[i * nw + j] = j == i;
     for (PetscInt k = 0; k < nl; k++) {
       if (given) s->B[a][k * nw + i] = 0;
       Y[k * nw + i] = s->B[a][k * nw + i];
     }
-    if (given) M[i * nw + i] = 1;
     Y[nl * nw + i] = given ? 0 : r[i * dim + a];
   }
-  PetscCallBLAS("LAPACKgetrf", LAPACKgetrf_(&n, &n, M, &n, pivot, &info));
-  PetscCheck(info == 0, PETSC_COMM_SELF, PETSC_ERR_LIB, "The problem of a cell is singular");
-  PetscCallBLAS("LAPACKgetrs", LAPACKgetrs_("T", &n, &m, M, &n, pivot, Y, &n, &info));
+  if (!same) PetscCallBLAS("LAPACKgetrf", LAPACKgetrf_(&n, &n, M, &n, s->pivot, &info));
+  PetscCheck(same || info == 0, PETSC_COMM_SELF, PETSC_ERR_LIB, "The problem of a cell is singular");
+  PetscCallBLAS("LAPACKgetrs", LAPACKgetrs_("T", &n, &m, M, &n, s->pivot, Y, &n, &info));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

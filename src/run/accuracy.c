@@ -178,7 +178,7 @@ typedef struct {
   Coarser    kept;
 } Meshes;
 
-/* Error on the first mesh; the worst of all bodies */
+/* Error on the first mesh by coarser ones, which stand in for elements of the next order; the worst of all bodies */
 static PetscReal extrapolate(const Subject *s, const ErrorOrder *order, Meshes *meshes)
 {
   PetscReal worst = 0;

@@ -1,5 +1,6 @@
 /* Extrapolate: error of a value from the same value on coarser meshes (Richardson 1911; Roache 1994; the least order
-   where meshes do not agree, as Eca & Hoekstra, J. Comput. Phys. 262 (2014), do). No mesh, no flow. */
+   where meshes do not agree, as Eca & Hoekstra, J. Comput. Phys. 262 (2014), do), where elements of the next order on
+   the same mesh do not do (accuracy.h). No mesh, no flow. */
 #pragma once
 #include <petscsys.h>
 

@@ -1,6 +1,7 @@
 """Promises of presets, and what a run says of them; small slips that a scene must not make alone."""
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -286,3 +287,6 @@ def test_accurate_chooses_the_step_without_bodies(run, scene):
         assert result.status == 0, str(result)
         rows = list(csv.DictReader((result.folder / preset / "series.csv").open()))
         assert abs(float(rows[-1]["mean_velocity_x"]) / right - 1) < percent / 100 and len(rows) < most, (preset, rows[-1], len(rows))
+    known = re.search(r"estimated error: (\S+) % of the steps, of the mesh not known; -monitor_accuracy true tells whether the 0.2 % hold here", result.text)
+    told = json.loads((result.folder / preset / "summary.json").read_text())["quantities"]["estimated_error_time"]
+    assert known and float(known[1]) == pytest.approx(100 * told, rel=0.05), result.text
