@@ -104,6 +104,13 @@ def test_anchored(rows, scene, dt, time, column, value):
     assert series[-1][column] == pytest.approx(value, rel=0.1)
 
 
+def test_squeezed_under_the_lid(rows):
+    """Where 24 x 24 cells have the centre at t 5.6, (.620, .842), after the time at which it crumples with the whole error taken back in a step."""
+    series = rows("soft-disc-cavity", "-mesh_cells", "16,16", "-sim_time", "5.6", "-output_every", "0")
+    assert series[-1]["solid_x_soft"] == pytest.approx(0.620, abs=0.015) and series[-1]["solid_y_soft"] == pytest.approx(0.842, abs=0.015)
+    assert max(row["momentum_error"] for row in series) < 1e-9 and abs(series[-1]["solid_volume_error_soft"]) < 1e-12
+
+
 # A disc that settles, 8 cells a diameter, at a viscous number of .4
 SETTLES = """mesh: {cells: [16, 32], lower: [0, 0], upper: [2, 4]}
 flow: {density: 1, viscosity: 1.9, gravity: [0, -980], time: bdf2, ksp_rtol: 1e-6}
