@@ -14,7 +14,7 @@ FIRST = 4001
 VOLUME = 0.03  # of an incompressible one, after the first steps of a scene that was drawn without regard to its step
 SPEED = 20  # times what stream and gravity can have made
 BOOKS = 0.05  # of what was lost
-DOUBT = ("ends in doubt", "as far as a step stands", "comes closer than a cell", "volume")  # remarks by which a user is warned
+DOUBT = ("ends in doubt", "as far as a step stands", "comes closer than a cell")  # remarks by which a user is warned
 
 
 class Scales:
