@@ -21,6 +21,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import uuid
 from pathlib import Path
@@ -336,7 +337,8 @@ class Counter:
 def pytest_configure(config):
     config.addinivalue_line("markers", "xdist_group(name): tests of one group go to one worker of pytest-xdist")
     set_environment(longer_mark())
-    signal.signal(signal.SIGTERM, lambda *_: pytest.exit("ended by SIGTERM", 143))  # an exception, so that running tests are killed on the way out
+    if threading.current_thread() is threading.main_thread():  # a worker of pytest-xdist has been seen in another one
+        signal.signal(signal.SIGTERM, lambda *_: pytest.exit("ended by SIGTERM", 143))  # an exception, so that running tests are killed on the way out
     if not hasattr(config, "workerinput"):  # the workers of pytest-xdist report to one that counts
         config.pluginmanager.register(Counter())
 
