@@ -272,6 +272,9 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscRe
    values c, of entries' nodes: y -= G U, rigid -= H U - G^T c (own bodies). The second is collective. */
 void           FlowSolverTakeLoads(FlowSolver, const PetscReal g[], PetscReal rigid[]);
 PetscErrorCode FlowSolverAddPrescribedPenalty(FlowSolver, const PetscReal c[], PetscReal y[], PetscReal rigid[]);
+/* After FlowAssemble: the values that fs->op.S_all looks at, which a flow without a matrix assembles when asked alone.
+   Collective. */
+PetscErrorCode FlowSolverUpdateMatrix(FlowSolver);
 /* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);

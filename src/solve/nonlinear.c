@@ -89,6 +89,7 @@ PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const Pets
   PetscReal       *fa;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowSolverUpdateMatrix(fs));
   PetscCall(FlowSolverBuildRhs(fs, r, g));
   PetscCall(MatMult(fs->op.K, x, f));
   PetscCall(VecAXPY(f, -1, fs->vec.b));

@@ -444,6 +444,15 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverUpdateMatrix(FlowSolver fs)
+{
+  Mat S;
+
+  PetscFunctionBeginUser;
+  if (fs->set.need_Ar || fs->set.need_whole) PetscCall(FlowGetMatrix(fs->flow, &S));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
 {
   Mat         S;

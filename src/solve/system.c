@@ -142,17 +142,17 @@ static PetscBool keeps_factor(FlowSolver fs)
 
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
 {
-  Mat       P, S;
+  Mat       P;
   PetscBool keeps;
 
   PetscFunctionBeginUser;
   if (!fs->set.need_Ar && !fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowSolverUpdateMatrix(fs));
   keeps = keeps_factor(fs);
   if (fs->set.need_whole) PetscCall(KSPSetReusePreconditioner(fs->ksp, keeps));
   fs->kept.age++;
   if (keeps) PetscFunctionReturn(PETSC_SUCCESS);
   fs->kept = (KeptFactor){.wait = fs->kept.wait - 1, .scale = fs->step.scale};
-  PetscCall(FlowGetMatrix(fs->flow, &S)); /* its values, which fs->op.A looks at */
   PetscCall(MatDestroy(&fs->op.Ar_assembled));
   PetscCall(MatDestroy(&fs->op.whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));

@@ -376,3 +376,16 @@ def test_remarks(run, options, remark):
     others = result.out.replace("remark: preset balanced, the default", "")
     assert others.count("remark:") == (remark is not None) and (remark or "") in others, str(result)
     assert ("cannot keep its 1 % here" in result.out) == ("aligned" not in options), str(result)
+
+
+def test_steady_cavity_in_space(run, scene):
+    """The direct solver, which small scenes get, with a flow whose products have no matrix: Newton's method is quadratic"""
+    text = """\
+mesh: {cells: [4, 4, 4]}
+flow: {density: 1, viscosity: 0.02, bc: {top: {type: moving_wall, velocity: [1, 0, 0]}}}
+sim: {steady: true}
+"""
+    result = run([scene(text), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    norms = [float(line.split()[3]) for line in result.text.splitlines() if re.match(r"  steady +\d+ ", line)]
+    assert len(norms) <= 8 and norms[-1] < 1e-10 * norms[0], norms
