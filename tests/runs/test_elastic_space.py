@@ -49,11 +49,12 @@ def test_balanced(run, scene, method):
 
 @pytest.mark.parametrize("options", [["-particle_soft_poisson", "0.4"], ["-particle_soft_material", "st_venant_kirchhoff"], ["-particle_soft_clamp", "z - 0.7"], ["-particle_soft_angle", "0.5", "-particle_soft_axis", "1,1,0"]])
 def test_kinds(run, scene, options):
-    """Compressible, of another law, held, turned: two steps, lined up."""
+    """Compressible, of another law, held, turned: two steps, lined up. The volume of those that are free and incompressible is kept."""
     text = BALL.replace("circle, radius: 0.3", "ellipse, a: 0.3, b: 0.25, c: 0.25") if "-particle_soft_axis" in options else BALL
     last = rows(run, scene(text), *options, "-couple_method", "aligned")[-1]
     assert all(math.isfinite(value) for value in last.values()) and last["momentum_error"] < 1e-10
-    assert 1 <= last["solid_stretch_soft"] < 1.1 and abs(last["solid_volume_error_soft"]) < 1e-12
+    bound = 5e-3 if options[0] in ("-particle_soft_poisson", "-particle_soft_clamp") else 1e-12
+    assert 1 <= last["solid_stretch_soft"] < 1.1 and abs(last["solid_volume_error_soft"]) < bound
 
 
 def test_beside_rigid(run, scene):
@@ -63,7 +64,7 @@ def test_beside_rigid(run, scene):
     assert last["momentum_error"] < 1e-9 and last["solid_w_soft"] < 0
 
 
-@pytest.mark.parametrize("options, message", [(["-couple_anchored", "true", "-particle_soft_clamp", "z-0.7"], "in the plane alone"), (["-particle_soft_material", "membrane"], "neo_hookean")])
+@pytest.mark.parametrize("options, message", [(["-couple_anchored", "true", "-particle_soft_clamp", "z-0.7"], "in the plane alone"), (["-particle_soft_material", "membrane"], "which has a -particle_soft_surface_modulus")])
 def test_refusals(run, scene, options, message):
     result = run([scene(BALL), "-output_dir", "out", "-couple_method", "aligned", *options])
     assert result.status and message in result.err and result.err.count("error:") == 1, str(result)
