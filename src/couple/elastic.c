@@ -177,24 +177,10 @@ static PetscErrorCode prepare(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What rigid bodies take of the contact, all ranks together, to the right of their rows */
-static PetscErrorCode push_bodies(const Elastic *e, Couple c)
-{
-  PetscReal *push;
-
-  PetscFunctionBeginUser;
-  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(c->s->n * c->nr, &push));
-  PetscCall(ElasticPushBodies(e, c, push));
-  for (PetscInt i = 0; i < c->s->n * c->nr; i++) c->rigid.g[i] += push[i];
-  PetscCall(PetscFree(push));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(push_bodies((const Elastic *)data, c));
+  PetscCall(ElasticPushBodies((const Elastic *)data, c, c->rigid.g));
   PetscCall(ElasticAssemble((Elastic *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

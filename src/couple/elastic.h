@@ -102,8 +102,6 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
-/* rows [bodies][nr] += what contact gives rigid bodies in this step, all ranks together. Collective. */
-PetscErrorCode ElasticPushBodies(const Elastic *, Couple, PetscReal rows[]);
 /* Of the step solved: kinetic energy of what the flow does not count, strain energy, the power of the weight in excess
    of the fluid's and of what holds nodes of the flow. Not collective, all ranks the same. */
 void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);

@@ -435,6 +435,7 @@ PetscErrorCode ElasticPushBodies(const Elastic *e, Couple c, PetscReal rows[])
   PetscReal     *push, sum[6];
 
   PetscFunctionBeginUser;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->s->n * nr, &push));
   for (PetscInt i = 0; i < e->contacts.n; i++) {
     const ElasticContact *t = e->contacts.list + i;

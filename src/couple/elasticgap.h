@@ -12,5 +12,7 @@
 PetscErrorCode ElasticFindContacts(Elastic *, Couple);
 /* To the matrix and the force of the solids. Not collective. */
 PetscErrorCode ElasticAddContacts(const Elastic *, PetscReal bdt);
+/* rows [bodies][nr] += what contact gives rigid bodies in this step, all ranks together. Collective. */
+PetscErrorCode ElasticPushBodies(const Elastic *, Couple, PetscReal rows[]);
 /* Of the step solved: power of contact on elastic solids, what this rank found. Not collective. */
 PetscReal ElasticContactPower(const Elastic *);
