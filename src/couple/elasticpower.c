@@ -12,49 +12,46 @@ static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
   PetscReal        half = 0;
 
   for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
-  for (PetscInt i = 0; i < m->ncell * m->nq && !SolidIsMembrane(m); i++)
-    for (PetscInt a = 0; a < m->dim; a++) {
-      const PetscReal *phi = m->phi + i % m->nq * m->nb;
-      PetscReal        v   = 0;
+  for (PetscInt cell = 0; cell < m->ncell && !SolidIsMembrane(m); cell++) {
+    PetscReal uc[SOLID_MAX_N], v[3];
 
-      for (PetscInt j = 0; j < m->nb; j++)
-        v += phi[j] * e->u[m->dim * (e->s->first[k] + m->cell_node[i / m->nq * m->nb + j]) + a];
-      half += 0.5 * m->weight[i] * v * v;
-      sum[a] += m->weight[i] * v;
+    SolidGather(m, cell, e->u + m->dim * e->s->first[k], uc);
+    for (PetscInt q = 0; q < m->nq; q++) {
+      const PetscReal w = m->weight[cell * m->nq + q];
+
+      SolidLocate(m, q, uc, v);
+      for (PetscInt a = 0; a < m->dim; a++) {
+        half += 0.5 * w * v[a] * v[a];
+        sum[a] += w * v[a];
+      }
     }
+  }
   return half;
 }
 
-/* Power of the weight in excess of the fluid's */
-static PetscReal weight_power(const Elastic *e, Couple c)
+/* *power += that of the weight of solid k in excess of the fluid's, with int u_s */
+static void add_weight(const Elastic *e, Couple c, PetscInt k, const PetscReal sum[3], PetscReal *power)
 {
-  PetscReal power = 0;
-
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    const PetscReal excess = e->s->group[e->s->group_of[k]].density - c->par->density;
-    PetscReal       u[3];
-
-    (void)kinetic(e, k, u);
-    for (PetscInt a = 0; a < e->s->dim; a++) power += excess * c->par->gravity[a] * u[a];
-  }
-  return power;
+  for (PetscInt a = 0; a < e->s->dim; a++) *power += ElasticExcess(e, c, k) * c->par->gravity[a] * sum[a];
 }
 
 void ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
 {
-  const SolidsState *s = e->s;
+  const SolidsState *s      = e->s;
+  PetscReal          weight = 0;
 
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidGroup *g     = s->group + s->group_of[k];
     const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
-    PetscReal         momentum[3], half = kinetic(e, k, momentum);
+    PetscReal         sum[3], half = kinetic(e, k, sum);
     SolidSums         sums;
 
     SolidMeasure(&g->mesh, &g->material, e->end + s->dim * s->first[k], &sums);
     w->energy += (g->density - inner) * half + sums.strain_energy;
     w->size += g->density * half + sums.strain_energy;
+    add_weight(e, c, k, sum, &weight);
   }
-  w->power += weight_power(e, c) + e->supplied;
+  w->power += weight + e->supplied;
 }
 
 /* Of the cells of solids that this rank has: what their own viscosity takes */
@@ -132,12 +129,16 @@ static PetscErrorCode push_power(const Elastic *e, Couple c, PetscReal *power)
 
 PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
 {
-  PetscReal total, flux[3], inertia = 0, force = 0;
+  PetscReal total, flux[3], sum_u[3], inertia = 0, force = 0, weight = 0;
   PetscReal sum[5] = {viscous_power(e), ElasticContactPower(e), 0, volume_power(e, c->field.p)};
 
   PetscFunctionBeginUser;
   PetscCall(total_power(e, &total));
   PetscCall(push_power(e, c, &sum[2]));
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    (void)kinetic(e, k, sum_u);
+    add_weight(e, c, k, sum_u, &weight);
+  }
   if (e->align) {
     PetscCall(ElasticInertiaPower(&e->inertia, c->mesh, c->loc, c->field.u, &inertia, &force, flux));
     for (PetscInt a = 0; a < e->s->dim; a++) force -= c->par->density * c->par->gravity[a] * flux[a];
@@ -147,6 +148,6 @@ PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, c->comm));
   w->viscous += sum[0];
   w->boundary -= sum[1] + sum[2] + sum[3];
-  w->inertia += total - sum[0] + sum[1] + sum[3] - sum[4] + weight_power(e, c);
+  w->inertia += total - sum[0] + sum[1] + sum[3] - sum[4] + weight;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
