@@ -70,8 +70,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(VecDestroy(&e->fs));
   PetscCall(VecDestroy(&e->all));
   PetscCall(VecScatterDestroy(&e->gather));
-  PetscCall(PetscFree6(e->x, e->a, e->u, e->end, e->load, e->change));
-  PetscCall(PetscFree(e->kept));
+  PetscCall(PetscFree7(e->x, e->a, e->u, e->end, e->load, e->change, e->kept));
   c->elastic = NULL;
   PetscCall(ElasticSurfacesDestroy(&e->surfaces));
   PetscCall(PetscFree(e->corner));
@@ -312,20 +311,29 @@ static PetscErrorCode overstep(Couple c, void *data, PetscReal *ratio)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode advance(Couple c, void *data)
+/* Once, with or without -sim_adapt: the first step that is much too long */
+static PetscErrorCode remark_far(Elastic *e, Couple c)
 {
-  Elastic *e = (Elastic *)data;
-
   PetscReal ratio = 0;
 
   PetscFunctionBeginUser;
+  if (e->once.told) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ElasticOverstep(e, c, &ratio));
-  if (ratio > FAR && !e->once.told)
+  e->once.told = (PetscBool)(ratio > FAR);
+  if (e->once.told)
     PetscCall(
       LogRemark("an elastic particle moves, or is strained, %.2g times as far as a step stands (a cell, a half) in the step to t = %g: lower -sim_dt "
                 "(%g), at the start at least",
                 (double)ratio, (double)c->step->time, (double)c->step->dt));
-  e->once.told = (PetscBool)(e->once.told || ratio > FAR);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode advance(Couple c, void *data)
+{
+  Elastic *e = (Elastic *)data;
+
+  PetscFunctionBeginUser;
+  PetscCall(remark_far(e, c));
   PetscCall(ElasticCheckStep(e, c));
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
@@ -456,11 +464,8 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(check_solver(c, e->s));
   PetscCall(choose_method(e, c));
   n = e->s->nnode * e->s->dim;
-  PetscCall(PetscMalloc6(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
-                         &e->change));
-  PetscCall(PetscCalloc1(e->s->n, &e->kept));
-  PetscCall(PetscArrayzero(e->load, e->s->n * e->s->dim));
-  PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
+  PetscCall(PetscCalloc7(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
+                         &e->change, e->s->n, &e->kept));
   c->elastic = e;
   PetscCall(create_rows(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
