@@ -42,6 +42,12 @@ typedef struct {
   PetscReal         time_dt;               /* length of the last step, 0: none so far */
 } SolidsState;
 
+/* Solids of a scene are membranes all of them, or none (SolidsCreate) */
+static inline PetscBool SolidsAreMembranes(const SolidsState *s)
+{
+  return s->group[0].membrane;
+}
+
 typedef struct _p_Solids *Solids;
 
 /* Read the options of all elastic groups, make their meshes (cells of `size` unless they say otherwise) and place

@@ -417,7 +417,7 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
   e->aligned = method->moves_nodes;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(e->s->dim == 2 || !e->s->group[0].membrane, c->comm, PETSC_ERR_SUP,
+  PetscCheck(e->s->dim == 2 || !SolidsAreMembranes(e->s), c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: in space the mesh is not lined up with membranes: use -couple_method penalty, which immerses them");
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCheck(still, c->comm, PETSC_ERR_SUP,
@@ -427,7 +427,7 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCheck(!e->rebase || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
              "elastic ones");
-  e->anchored = (PetscBool)(e->s->dim == 2 && !e->s->group[0].membrane);
+  e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsAreMembranes(e->s));
   for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
   PetscCall(OptBool("-couple_anchored", &e->anchored));
   PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,

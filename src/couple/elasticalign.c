@@ -81,7 +81,7 @@ static PetscErrorCode carry_over(ElasticAlign f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  if (f->s->group[0].membrane) fluid.cell_surface = fluid.cell_before = f->none;
+  if (SolidsAreMembranes(f->s)) fluid.cell_surface = fluid.cell_before = f->none;
   PetscCall(AlignTargetsFind(t, &fluid, NULL, NULL));
   PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){fluid.cell_before, r->side_before}, 2,
                           (const PetscReal *const *)u, t->value, &count));
@@ -98,8 +98,7 @@ static PetscErrorCode set_labels(ElasticAlign f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(f->flow, &par));
-  for (PetscInt k = 0; k < f->s->n; k++)
-    any = (PetscBool)(any || (f->aligned[k] && !f->s->group[f->s->group_of[k]].membrane));
+  for (PetscInt k = 0; k < f->s->n && !SolidsAreMembranes(f->s); k++) any = (PetscBool)(any || f->aligned[k]);
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     f->label[c]   = f->result.cell_surface[c];
     f->density[c] = f->label[c] >= 0 ? 0 : par->density;

@@ -247,7 +247,7 @@ PetscErrorCode ElasticPredict(Elastic *e, Couple c)
 {
   const SolidsState *s    = e->s;
   const FlowStep    *step = c->step;
-  const PetscReal ratio   = step->order == 2 && !s->group[0].membrane && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  const PetscReal ratio = step->order == 2 && !SolidsAreMembranes(s) && step->dt_old > 0 ? step->dt / step->dt_old : 0;
 
   PetscFunctionBeginUser;
   if (s->time_dt == 0 && !e->once.started) PetscCall(start_with_flow(e, c));

@@ -353,7 +353,7 @@ static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
 static PetscBool is_compliant(const Elastic *e, Couple c)
 {
   const PetscReal bdt       = 1 / c->step->ct;
-  PetscBool       compliant = (PetscBool)(!e->align || e->s->group[0].membrane);
+  PetscBool       compliant = (PetscBool)(!e->align || SolidsAreMembranes(e->s));
 
   for (PetscInt g = 0; g < e->s->ngroups; g++) {
     const SolidGroup *group     = e->s->group + g;
@@ -379,7 +379,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
-  if (e->align && !e->s->group[0].membrane) PetscCall(assemble_inertia(e, c));
+  if (e->align && !SolidsAreMembranes(e->s)) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
                             &(FlowOperator){.E         = e->E,
                                             .lumped    = e->align ? e->lumped : NULL,
