@@ -481,16 +481,16 @@ PetscReal CoupleGetVolumeKept(Couple c, PetscInt k)
 
 PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
 {
-  const Elastic *e    = c->elastic;
-  PetscReal      mass = 0;
+  const Elastic   *e = c->elastic;
+  const SolidMesh *m;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) force[a] = 0;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  mass = e->s->group[e->s->group_of[k]].mesh.volume;
-  for (PetscInt a = 0; a < c->loc->dim; a++)
-    force[a] = (ElasticIsLined(e, k) ? c->par->density * c->par->gravity[a] * mass
-                                     : c->par->density * e->change[k * c->loc->dim + a]) -
+  m = &e->s->group[e->s->group_of[k]].mesh;
+  for (PetscInt a = 0; a < c->loc->dim; a++) /* what a membrane encloses is the flow's, lined up or not */
+    force[a] = (ElasticIsLined(e, k) && !SolidIsMembrane(m) ? c->par->density * c->par->gravity[a] * m->volume
+                                                            : c->par->density * e->change[k * c->loc->dim + a]) -
                e->load[k * c->loc->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -67,6 +67,13 @@ def test_restart(run, scene, text):
         assert column.startswith("seconds") or again[column] == whole[column], column
 
 
+@pytest.mark.parametrize("text", [PLANE, ALIGNED], ids=["plane", "aligned"])
+def test_weightless(run, scene, text):
+    """The fluid on both sides has no net force on a skin without mass, under gravity neither."""
+    last = rows(run, scene(text.replace("density: 0.1,", "density: 0.1, gravity: [0, -7],")))[-1]
+    assert abs(last["solid_force_x_skin"]) < 1e-11 and abs(last["solid_force_y_skin"]) < 1e-11
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
