@@ -45,6 +45,7 @@ PetscBool   ExprValueUsesTime(Expr, PetscInt i);
 PetscBool   ExprUsesPosition(Expr);
 PetscBool   ExprUses(Expr, PetscInt i, ExprVariable); /* does value i depend on it? */
 PetscBool   ExprUsesField(Expr, PetscInt k);          /* does any depend on field k? */
+PetscBool   ExprUsesFields(Expr);                     /* on any field? NULL, a number: no */
 const char *ExprText(Expr);                           /* as read, without blanks. Borrowed. */
 
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends

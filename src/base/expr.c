@@ -342,6 +342,13 @@ PetscBool ExprUsesField(Expr e, PetscInt k)
   return PETSC_FALSE;
 }
 
+PetscBool ExprUsesFields(Expr e)
+{
+  for (PetscInt k = 0; k < nfield && e; k++)
+    if (ExprUsesField(e, k)) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 const char *ExprText(Expr e)
 {
   return e->text;

@@ -86,7 +86,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(ScalarMaterialRead(c, group, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
-      if (ScalarMaterialReacts(s->material + g * s->n + i, s->n)) PetscCall(ScalarsReact(scalars, i));
+      if (ExprUsesFields(s->material[g * s->n + i].flux_of)) PetscCall(ScalarsReact(scalars, i));
       if (c->method.table->moves_nodes && ScalarMaterialIsSurface(s->material + g * s->n + i)) s->on_sides = PETSC_TRUE;
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }

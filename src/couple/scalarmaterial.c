@@ -19,13 +19,6 @@ PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters 
                      m->capacity == par->capacity && m->source == 0);
 }
 
-PetscBool ScalarMaterialReacts(const ScalarMaterial *m, PetscInt n)
-{
-  for (PetscInt k = 0; k < n && m->flux_of; k++)
-    if (ExprUsesField(m->flux_of, k)) return PETSC_TRUE;
-  return PETSC_FALSE;
-}
-
 PetscBool ScalarGroupMoves(const BodyGroup *g)
 {
   PetscBool steady = PETSC_FALSE;

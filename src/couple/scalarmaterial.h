@@ -26,8 +26,6 @@ PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParamet
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
 /* Of body k with a flux by an expression, where the step has it. Local. */
 void ScalarMaterialSurface(Couple, const ScalarMaterial *, PetscInt k, ScalarSurface *);
-/* Does its flux go by one of n scalars? */
-PetscBool ScalarMaterialReacts(const ScalarMaterial *, PetscInt n);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does it let a flux through its surface, or exchange? */

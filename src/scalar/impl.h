@@ -140,7 +140,6 @@ struct _p_Scalars {
 /* read.c */
 PetscErrorCode ScalarsRead(Scalars);
 PetscErrorCode ScalarForgetOptions(Scalars, Scalar *);
-PetscBool      ScalarNumberUses(Scalars, const ScalarNumber *); /* does it go by scalars? */
 PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *, PetscReal time, PetscInt n, const PetscReal x[],
                                     PetscReal value[]);
 

@@ -22,14 +22,6 @@ static PetscErrorCode read_number(const char option[], PetscInt dim, ScalarNumbe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool ScalarNumberUses(Scalars all, const ScalarNumber *number)
-{
-  PetscBool any = PETSC_FALSE;
-
-  for (PetscInt k = 0; k < all->n && number->formula; k++) any = (PetscBool)(any || ExprUsesField(number->formula, k));
-  return any;
-}
-
 PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *number, PetscReal time, PetscInt n, const PetscReal x[],
                                     PetscReal value[])
 {
@@ -154,9 +146,9 @@ static PetscErrorCode check_sources(Scalars all, PetscInt i)
   Scalar *s = all->scalar + i;
 
   PetscFunctionBeginUser;
-  s->input.reacts = (PetscBool)(s->gain || ScalarNumberUses(all, &s->source));
+  s->input.reacts = (PetscBool)(s->gain || ExprUsesFields(s->source.formula));
   for (PetscInt b = 0; b < all->nboundary; b++)
-    s->input.reacts = (PetscBool)(s->input.reacts || ScalarNumberUses(all, &s->condition[b].flux));
+    s->input.reacts = (PetscBool)(s->input.reacts || ExprUsesFields(s->condition[b].flux.formula));
   for (PetscInt k = 0; k < all->n; k++) {
     const Scalar *of     = all->scalar + k;
     const char   *option = s->gain && s->gain[k] != 0                               ? "reaction"

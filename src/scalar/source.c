@@ -91,10 +91,16 @@ static void set_at_side(Scalars all, PetscInt c, const PetscReal phi[], const Fi
 
 /* ---- linear forms ---- */
 
+/* The point theta of the step */
+static PetscReal get_time(Scalars all)
+{
+  return all->step.time - (1 - all->step.theta) * all->step.dt;
+}
+
 static PetscErrorCode evaluate(Scalars all, const Points *p, PetscReal *const field[], PetscReal q[])
 {
   const PetscInt  dim  = all->loc->dim;
-  const PetscReal time = all->step.time - (1 - all->step.theta) * all->step.dt;
+  const PetscReal time = get_time(all);
 
   PetscFunctionBeginUser;
   if (!p->surface) {
@@ -155,17 +161,16 @@ static PetscErrorCode linearise(Scalars all, const Scalar *s, const Points *p, c
 /* q of nodes: the option's, and c r T of every scalar that makes this one */
 static PetscErrorCode set_source(Scalars all, Scalar *s, const Fields *f)
 {
-  const PetscInt  n    = all->loc->nnode_all;
-  const PetscReal time = all->step.time - (1 - all->step.theta) * all->step.dt;
+  const PetscInt n = all->loc->nnode_all;
 
   PetscFunctionBeginUser;
   if (!s->source.given && !s->gain) PetscFunctionReturn(PETSC_SUCCESS);
   if (!s->input.q) PetscCall(PetscMalloc1(n, &s->input.q));
-  if (ScalarNumberUses(all, &s->source)) {
+  if (ExprUsesFields(s->source.formula)) {
     if (!s->input.slope) PetscCall(PetscMalloc1(n, &s->input.slope));
     PetscCall(linearise(all, s, &(Points){s->source.formula, n, all->loc->x, NULL, get_stiff(all, s)}, f, s->input.q,
                         s->input.slope));
-  } else PetscCall(ScalarEvaluateNumber(&s->source, time, n, all->loc->x, s->input.q));
+  } else PetscCall(ScalarEvaluateNumber(&s->source, get_time(all), n, all->loc->x, s->input.q));
   for (PetscInt k = 0; k < all->n && s->gain; k++) {
     const PetscReal rate = s->par.capacity * s->gain[k];
 
@@ -179,8 +184,7 @@ static PetscErrorCode set_boundary(Scalars all, Scalar *s, PetscInt b, const Fie
 {
   const PetscInt         dim = all->loc->dim, nq = dim == 2 ? 3 : 9, most = all->nface * nq;
   const ScalarCondition *c    = s->condition + b;
-  const PetscReal        time = all->step.time - (1 - all->step.theta) * all->step.dt;
-  const PetscBool        uses = ScalarNumberUses(all, &c->flux);
+  const PetscBool        uses = ExprUsesFields(c->flux.formula);
   PetscInt               n    = 0, *face;
   PetscReal             *x, *flux, *ambient, *slope, weight[9], phi[9 * MESH_MAX_NB];
   Fields                 f = {.start = NULL};
@@ -199,8 +203,8 @@ static PetscErrorCode set_boundary(Scalars all, Scalar *s, PetscInt b, const Fie
   if (uses)
     PetscCall(
       linearise(all, s, &(Points){c->flux.formula, n * nq, x, NULL, get_stiff(all, s) * all->loc->h}, &f, flux, slope));
-  else PetscCall(ScalarEvaluateNumber(&c->flux, time, n * nq, x, flux));
-  PetscCall(ScalarEvaluateNumber(&c->ambient, time, n * nq, x, ambient));
+  else PetscCall(ScalarEvaluateNumber(&c->flux, get_time(all), n * nq, x, flux));
+  PetscCall(ScalarEvaluateNumber(&c->ambient, get_time(all), n * nq, x, ambient));
   for (PetscInt i = 0; i < n * nq; i++) {
     PetscReal *has = s->input.face + (face[i / nq] * nq + i % nq) * 2;
 

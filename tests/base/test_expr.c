@@ -28,7 +28,7 @@ static void fields_have_names_of_their_own(void **state)
   (void)state;
   OK(ExprNameFields(2, (const char *const[]){"heat", "t"}));
   OK(get("-test_mixture", "1 + heat", 2, 1, v, &e));
-  assert_true(ExprUsesField(e, 0) && !ExprUsesField(e, 1));
+  assert_true(ExprUsesField(e, 0) && !ExprUsesField(e, 1) && ExprUsesFields(e) && !ExprUsesFields(NULL));
   OK(ExprDestroy(&e));
   OK(get("-test_course", "2*t", 2, 1, v, &e));
   OK(ExprDestroy(&e));
