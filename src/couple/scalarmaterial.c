@@ -145,6 +145,7 @@ void ScalarMaterialSurface(Couple c, const ScalarMaterial *m, PetscInt k, Scalar
   const PetscReal *centroid = BodiesGetGroup(c->s, k)->mass.centroid;
 
   *s = (ScalarSurface){.flux = m->flux_of};
+  if (!m->flux_of) return;
   RotationMatrix(c->rigid.q[k], s->R);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     s->X[a]      = c->rigid.X[k][a];

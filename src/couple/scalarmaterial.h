@@ -24,7 +24,7 @@ typedef struct {
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
-/* Of body k with a flux by an expression, where the step has it. Local. */
+/* Of body k with a flux by an expression, where the step has it; no flux: it has none. Local. */
 void ScalarMaterialSurface(Couple, const ScalarMaterial *, PetscInt k, ScalarSurface *);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
