@@ -39,8 +39,8 @@ static PetscErrorCode create_solver(Scalars all, Scalar *s, ScalarSolverKind kin
   PetscCall(KSPSetType(v->ksp, KSPFGMRES));
   PetscCall(KSPGetPC(v->ksp, &pc));
   PetscCall(PCSetType(pc, PC_TYPE[kind]));
-  PetscCall(
-    KSPSetPCSide(v->ksp, PC_RIGHT)); /* norms are those of the residual itself; FGMRES saves a preconditioning */
+  /* from the right norms are those of the residual itself; FGMRES saves a preconditioning */
+  PetscCall(KSPSetPCSide(v->ksp, PC_RIGHT));
   PetscCall(KSPSetNormType(v->ksp, KSP_NORM_UNPRECONDITIONED));
   PetscCall(KSPSetInitialGuessNonzero(v->ksp, PETSC_FALSE));
   PetscCall(KSPSetFromOptions(v->ksp));
@@ -359,20 +359,17 @@ PetscErrorCode ScalarsSettle(Scalars all, PetscInt *failed, KSPConvergedReason *
   PetscFunctionBeginUser;
   *failed = -1;
   *reason = KSP_CONVERGED_RTOL;
-  for (PetscInt sweep = 0; sweep < SWEEPS && more; sweep++) {
+  for (PetscInt sweep = 0; sweep < SWEEPS && more && *failed < 0; sweep++) {
     more = PETSC_FALSE;
-    for (PetscInt i = 0; i < all->n; i++) {
+    for (PetscInt i = 0; i < all->n && *failed < 0; i++) {
       if (!all->scalar[i].input.reacts) continue;
       PetscCall(ScalarRenewInput(all, all->scalar + i, &changed));
       if (!changed) continue;
       more = PETSC_TRUE;
       PetscCall(solve_within_bounds(all, all->scalar + i, reason));
       if (*reason <= 0) *failed = i;
-      if (*reason <= 0) break;
     }
-    if (*failed >= 0) break;
   }
-  if (*failed >= 0 && all->step.ct > 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(!more || all->step.ct > 0, all->comm, PETSC_ERR_NOT_CONVERGED,
              "Scalars that react have found no steady state in %d solutions: run in time until nothing changes, or start nearer to it "
              "(-scalar_<scalar>_initial)",
