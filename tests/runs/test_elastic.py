@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from conftest import ROOT
+from conftest import ROOT, read_rows
 
 sys.path.insert(0, str(ROOT / "tools"))
 import tumble  # noqa: E402
@@ -23,8 +23,7 @@ def rows(run):
     def start(scene, *options, ranks=1, folder="out"):
         result = run([RUNS / f"{scene}.yaml", "-output_dir", folder, *options], ranks)
         assert result.status == 0, str(result)
-        with open(result.folder / folder / "series.csv") as file:
-            return [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+        return read_rows(result.folder / folder / "series.csv")
 
     return start
 
@@ -76,8 +75,7 @@ def test_sinks(run, scene):
     at the scale of cells made them 248 and 1.25), and what is imposed on its volume does not count as divergence."""
     result = run([scene(SINKS), "-output_dir", "out"])
     assert result.status == 0, str(result)
-    with open(result.folder / "out" / "series.csv") as file:
-        last = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)][-1]
+    last = read_rows(result.folder / "out" / "series.csv")[-1]
     assert last["solid_energy_soft"] == pytest.approx(23.881, rel=0.003)
     assert last["solid_stretch_soft"] == pytest.approx(1.0311, abs=0.004)
     assert last["momentum_error"] < 1e-12 and last["divergence"] < 0.01
@@ -211,8 +209,7 @@ def fall(run, name, method, steps, ranks=1, folder="out", options=()):
     """Rows of a run that comes closer than a cell and ends well, in balance."""
     result = run([name, "-output_dir", folder, "-couple_method", method, "-sim_steps", str(steps), *options], ranks)
     assert result.status == 0 and "comes closer than a cell" in result.out + result.err, str(result)
-    with open(result.folder / folder / "series.csv") as file:
-        series = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    series = read_rows(result.folder / folder / "series.csv")
     assert max(row["momentum_error"] for row in series) < 1e-9
     assert abs(series[-1]["solid_volume_error_soft"]) < 1e-12
     return series

@@ -1,8 +1,9 @@
 """Elastic particles in space: a soft ball over a floor, immersed and with the mesh lined up: momentum, volume, the same on all numbers of ranks, restarts."""
-import csv
 import math
 
 import pytest
+
+from conftest import read_rows
 
 # A little more than two cells across, over a floor that is within a cell of it
 BALL = """mesh: {cells: [5, 5, 5], lower: [0, 0, 0], upper: [1.25, 1.25, 1.25]}
@@ -19,8 +20,7 @@ METHODS = pytest.mark.parametrize("method", ["penalty", "aligned"])
 def rows(run, name, *options, ranks=1, folder="out"):
     result = run([name, "-output_dir", folder, *options], ranks, timeout=300)
     assert result.status == 0, str(result)
-    with open(result.folder / folder / "series.csv") as file:
-        return [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    return read_rows(result.folder / folder / "series.csv")
 
 
 @METHODS

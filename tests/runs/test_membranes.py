@@ -1,11 +1,9 @@
 """Membranes in a flow: capsules in the plane and in space: momentum, volume, the same on all numbers of ranks, restarts, refusals."""
-import csv
 import math
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from conftest import ROOT, read_rows
 
 FAR = "bc_left: {type: inflow, velocity: [y, 0]}, bc_right: {type: inflow, velocity: [y, 0]}, bc_bottom: {type: inflow, velocity: [y, 0]}, bc_top: {type: inflow, velocity: [y, 0]}"
 PLANE = f"""mesh: {{cells: [10, 10], lower: [-2, -2], upper: [2, 2]}}
@@ -39,8 +37,7 @@ output: {every: 0}
 def rows(run, name, *options, ranks=1, folder="out"):
     result = run([name, "-output_dir", folder, *options], ranks, timeout=300)
     assert result.status == 0, str(result)
-    with open(result.folder / folder / "series.csv") as file:
-        return [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    return read_rows(result.folder / folder / "series.csv")
 
 
 @SCENES
