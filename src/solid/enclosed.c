@@ -7,40 +7,33 @@
 #define VOLUME_TOL 1e-13
 
 /* The volume that a membrane encloses, normals n [nnode][dim] at its nodes (means of those around them, of length 1; 0
-   where it is held) and how much more volume a step along them gives; n: zeros */
+   where it is held) and how much more volume a step along them gives: what nodes have of the surface, since the volume
+   changes by the integral of phi_i n . dx_i. n: zeros */
 static void find_normals(const SolidMesh *m, const PetscBool held[], const PetscReal x[], PetscReal *volume,
                          PetscReal n[], PetscReal *rate)
 {
   const PetscInt dim = m->dim;
 
   *volume = *rate = 0;
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt c = 0; c < m->ncell; c++) {
-      PetscReal xc[SOLID_MAX_N], nc[SOLID_MAX_N];
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+    const PetscInt  *node = m->cell_node + i / m->nq * m->nb;
+    const PetscReal *phi = m->phi + i % m->nq * m->nb, w = m->weight[i];
+    PetscReal        xc[SOLID_MAX_N], F[9], at[3], normal[3];
 
-      SolidGather(m, c, x, xc);
-      SolidGather(m, c, n, nc);
-      for (PetscInt q = 0; q < m->nq; q++) {
-        const PetscReal w = m->weight[c * m->nq + q];
-        PetscReal       F[9], at[3], normal[3];
+    SolidGather(m, i / m->nq, x, xc);
+    (void)SolidGradient(m, i / m->nq, i % m->nq, xc, F);
+    MembraneNormal(dim, F, normal);
+    SolidLocate(m, i % m->nq, xc, at);
+    *volume += w * dot3(at, normal) / (PetscReal)dim;
+    for (PetscInt j = 0; j < m->nb * dim; j++) n[dim * node[j / dim] + j % dim] += w * phi[j / dim] * normal[j % dim];
+  }
+  for (PetscInt i = 0; i < m->nnode; i++) {
+    PetscReal norm = 0;
 
-        (void)SolidGradient(m, c, q, xc, F);
-        MembraneNormal(dim, F, normal);
-        for (PetscInt j = 0; j < m->nb * dim && !pass; j++)
-          n[dim * m->cell_node[c * m->nb + j / dim] + j % dim] += w * m->phi[q * m->nb + j / dim] * normal[j % dim];
-        if (!pass) continue;
-        SolidLocate(m, q, xc, at);
-        *volume += w * dot3(at, normal) / (PetscReal)dim;
-        SolidLocate(m, q, nc, at);
-        *rate += w * dot3(at, normal);
-      }
-    }
-    for (PetscInt i = 0; i < m->nnode && !pass; i++) {
-      PetscReal norm = 0;
-
-      for (PetscInt a = 0; a < dim; a++) norm += PetscSqr(n[dim * i + a]);
-      for (PetscInt a = 0; a < dim && norm > 0; a++) n[dim * i + a] *= held[i] ? 0 : 1 / PetscSqrtReal(norm);
-    }
+    for (PetscInt a = 0; a < dim; a++) norm += PetscSqr(n[dim * i + a]);
+    norm = PetscSqrtReal(norm);
+    for (PetscInt a = 0; a < dim && norm > 0; a++) n[dim * i + a] *= held[i] ? 0 : 1 / norm;
+    *rate += held[i] ? 0 : norm;
   }
 }
 
