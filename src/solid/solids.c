@@ -9,22 +9,29 @@
 
 /* ---- options of a group ---- */
 
+/* name: the first of the options -particle_<group><suffix> that is given, "" if none is */
+static PetscErrorCode find_given(const char group[], size_t n, const char *const suffix[], char name[OPT_NAME])
+{
+  PetscBool given = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < n && !given; i++) PetscCall(OptHas(OptJoin("-particle_", group, suffix[i], name), &given));
+  if (!given) name[0] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Options of surfaces that move beside the motion of rigid bodies */
 static PetscErrorCode refuse_slip(const char group[])
 {
   static const char *const SLIP[] = {"_slip_modes", "_slip_velocity", "_slip_direction", "_slip_mobility",
                                      "_slip_scalar"};
+  char                     name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(SLIP); i++) {
-    char      name[OPT_NAME];
-    PetscBool given;
-
-    PetscCall(OptHas(OptJoin("-particle_", group, SLIP[i], name), &given));
-    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "%s is for rigid bodies, and group '%s' is elastic: remove it, or give -particle_%s_material rigid",
-               name, group, group);
-  }
+  PetscCall(find_given(group, PETSC_STATIC_ARRAY_LENGTH(SLIP), SLIP, name));
+  PetscCheck(!name[0], PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "%s is for rigid bodies, and group '%s' is elastic: remove it, or give -particle_%s_material rigid", name,
+             group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -33,18 +40,14 @@ static PetscErrorCode refuse_of_solids(const char group[])
 {
   static const char *const OF_SOLIDS[] = {"_density",         "_shear_modulus", "_poisson",
                                           "_solid_viscosity", "_viscosity",     "_volume_return"};
+  char                     name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(OF_SOLIDS); i++) {
-    char      name[OPT_NAME];
-    PetscBool given;
-
-    PetscCall(OptHas(OptJoin("-particle_", group, OF_SOLIDS[i], name), &given));
-    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "%s: group '%s' is a membrane, which has a -particle_%s_surface_modulus and the fluid around it inside, with its density and viscosity: "
-               "remove it",
-               name, group, group);
-  }
+  PetscCall(find_given(group, PETSC_STATIC_ARRAY_LENGTH(OF_SOLIDS), OF_SOLIDS, name));
+  PetscCheck(!name[0], PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "%s: group '%s' is a membrane, which has a -particle_%s_surface_modulus and the fluid around it inside, with its density and viscosity: "
+             "remove it",
+             name, group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
