@@ -112,24 +112,12 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
   PetscReal min = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
-  *m = (SolidMesh){.dim   = dim,
-                   .nd    = dim,
-                   .nb    = dim == 2 ? 9 : 27,
-                   .nq    = dim == 2 ? 9 : 27,
-                   .nnode = nnode,
-                   .ncell = ncell};
-  PetscCall(PetscMalloc3(ncell * m->nb, &m->cell_node, nnode * dim, &m->X, m->nq * m->nb, &m->phi));
-  PetscCall(PetscMalloc2(ncell * m->nq * m->nb * dim, &m->grad, ncell * m->nq, &m->weight));
+  PetscCall(SolidMeshAllocate(dim, dim, nnode, ncell, m));
   PetscCall(PetscArraycpy(m->cell_node, cell_node, ncell * m->nb));
   PetscCall(PetscArraycpy(m->X, X, nnode * dim));
   for (PetscInt c = 0; c < ncell; c++) measure_cell(m, c, &min);
   PetscCheck(ncell > 0 && min > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "A cell of a solid's mesh is inverted");
-  for (PetscInt i = 0; i < nnode; i++) {
-    PetscReal r = 0;
-
-    for (PetscInt a = 0; a < dim; a++) r += PetscSqr(X[dim * i + a]);
-    m->radius = PetscMax(m->radius, PetscSqrtReal(r));
-  }
+  SolidMeshFindRadius(m);
   PetscCall(find_sides(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -232,6 +220,27 @@ PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, con
   PetscCall(AlignDestroy(&align));
   PetscCall(MeshDestroy(&mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidMeshAllocate(PetscInt dim, PetscInt nd, PetscInt nnode, PetscInt ncell, SolidMesh *m)
+{
+  const PetscInt nb = nd == 1 ? 3 : nd == 2 ? 9 : 27;
+
+  PetscFunctionBeginUser;
+  *m = (SolidMesh){.dim = dim, .nd = nd, .nb = nb, .nq = nb, .nnode = nnode, .ncell = ncell};
+  PetscCall(PetscMalloc3(ncell * nb, &m->cell_node, nnode * dim, &m->X, nb * nb, &m->phi));
+  PetscCall(PetscMalloc2(ncell * nb * nb * nd, &m->grad, ncell * nb, &m->weight));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void SolidMeshFindRadius(SolidMesh *m)
+{
+  for (PetscInt i = 0; i < m->nnode; i++) {
+    PetscReal r = 0;
+
+    for (PetscInt a = 0; a < m->dim; a++) r += PetscSqr(m->X[m->dim * i + a]);
+    m->radius = PetscMax(m->radius, PetscSqrtReal(r));
+  }
 }
 
 PetscErrorCode SolidMeshDestroy(SolidMesh *m)

@@ -22,19 +22,6 @@ static void count_cells(PetscInt dim, const PetscReal length[], const PetscInt c
                         : PetscMax(MIN_CELLS, (PetscInt)PetscFloorReal(PETSC_PI / 4 * length[d] / size + 0.5));
 }
 
-static PetscErrorCode allocate(PetscInt dim, PetscInt nnode, PetscInt ncell, SolidMesh *m)
-{
-  const PetscInt nb = dim == 2 ? 3 : 9;
-
-  PetscFunctionBeginUser;
-  *m = (SolidMesh){.dim = dim, .nd = dim - 1, .nb = nb, .nq = nb, .nnode = nnode, .ncell = ncell, .nside = ncell};
-  m->nb_side = nb;
-  PetscCall(PetscMalloc3(ncell * nb, &m->cell_node, nnode * dim, &m->X, nb * nb, &m->phi));
-  PetscCall(PetscMalloc2(ncell * nb * nb * m->nd, &m->grad, ncell * nb, &m->weight));
-  PetscCall(PetscMalloc1(nb * ncell, &m->side));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- in the plane ---- */
 
 /* X [nnode][2]: along the outline, counter-clockwise, at equal distances */
@@ -70,7 +57,7 @@ static PetscErrorCode create_curve(Shape shape, const PetscInt n[], SolidMesh *m
   const PetscInt ncell = 2 * (n[0] + n[1]);
 
   PetscFunctionBeginUser;
-  PetscCall(allocate(2, 2 * ncell, ncell, m));
+  PetscCall(SolidMeshAllocate(2, 1, 2 * ncell, ncell, m));
   for (PetscInt e = 0; e < 3 * ncell; e++) m->cell_node[e] = (2 * (e / 3) + e % 3) % (2 * ncell);
   PetscCall(divide_outline(shape, m->nnode, m->X));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -151,14 +138,17 @@ static PetscErrorCode create_surface(const Figure *f, const char name[], const P
                                      const PetscReal upper[3], SolidMesh *m)
 {
   const PetscInt total = (2 * n[0] + 1) * (2 * n[1] + 1) * (2 * n[2] + 1);
+  const PetscInt ncell = 2 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]);
   PetscInt      *number, nnode = 0;
   PetscReal      inside;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeDistance(f->shape, 1, f->centre[0], &inside));
+  PetscCheck(inside < 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Group '%s': a membrane in space needs a shape that holds its own centroid: give -particle_%s_shape another one",
+             name, name);
   PetscCall(PetscMalloc1(total, &number));
-  PetscCall(
-    allocate(3, 8 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]) + 2, 2 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]), m));
+  PetscCall(SolidMeshAllocate(3, 2, 4 * ncell + 2, ncell, m));
   for (PetscInt e = 0; e < total; e++) {
     const PetscInt at[3] = {e % (2 * n[0] + 1), e / (2 * n[0] + 1) % (2 * n[1] + 1),
                             e / ((2 * n[0] + 1) * (2 * n[1] + 1))};
@@ -175,10 +165,7 @@ static PetscErrorCode create_surface(const Figure *f, const char name[], const P
   list_faces(n, number, m->cell_node);
   PetscCall(PetscFree(number));
   PetscCall(draw_onto(f->shape, f->centre[0], nnode, m->X));
-  PetscCall(check_rays(f->shape, name, f->centre[0], inside < 0 ? nnode : 0, m->X));
-  PetscCheck(inside < 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "Group '%s': a membrane in space needs a shape that holds its own centroid: give -particle_%s_shape another one",
-             name, name);
+  PetscCall(check_rays(f->shape, name, f->centre[0], nnode, m->X));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -250,15 +237,13 @@ PetscErrorCode SolidMeshCreateMembrane(Shape shape, const char name[], PetscInt 
   if (dim == 2) PetscCall(create_curve(shape, n, m));
   else PetscCall(create_surface(&f, name, n, lower, upper, m));
   for (PetscInt i = 0; i < dim * m->nnode; i++) m->X[i] -= f.centre[0][i % dim];
+  m->nside   = m->ncell; /* all of it is surface */
+  m->nb_side = m->nb;
+  PetscCall(PetscMalloc1(m->nb * m->ncell, &m->side));
   PetscCall(PetscArraycpy(m->side, m->cell_node, m->ncell * m->nb));
   for (PetscInt c = 0; c < m->ncell; c++) measure_cell(m, c, &largest);
   PetscCall(BendingCreate(m));
   m->h = dim == 2 ? largest : PetscSqrtReal(largest);
-  for (PetscInt i = 0; i < m->nnode; i++) {
-    PetscReal r = 0;
-
-    for (PetscInt a = 0; a < dim; a++) r += PetscSqr(m->X[dim * i + a]);
-    m->radius = PetscMax(m->radius, PetscSqrtReal(r));
-  }
+  SolidMeshFindRadius(m);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
