@@ -277,7 +277,7 @@ PetscErrorCode FlowGetElasticity(Flow, const FlowElasticity **);
 /* Body force per volume of this step that varies: of FlowSetSource, and of a -flow_force that depends on the position.
    NULL: none. Borrowed. Local. */
 PetscErrorCode FlowGetSource(Flow, const PetscReal *source[]);
-/* -flow_force of this step at a point x [dim]: force [3]. Local. Error: not finite. */
+/* -flow_force of this step at a point x [dim], with all that drives the flow: force [3]. Local. Error: not finite. */
 PetscErrorCode FlowForceAt(Flow, const PetscReal x[], PetscReal force[3]);
 /* Adds -int P n phi_i over openings of type pressure in this step to r [nnode_all][dim], contributions of own cells.
    After FlowRhs. Local. */

@@ -124,7 +124,7 @@ PetscErrorCode FlowCheckKept(Flow f)
 void FlowKeepMomentum(Flow f, const PetscReal flux[3], PetscReal volume)
 {
   for (PetscInt a = 0; a < f->loc->dim; a++)
-    if (f->force.kept.wanted && (f->force.kept.axes >> a) & 1) f->force.kept.impulse[a] = flux[a] / volume * f->step.dt;
+    if ((f->force.kept.axes >> a) & 1) f->force.kept.impulse[a] = flux[a] / volume * f->step.dt;
 }
 
 PetscErrorCode FlowEvaluateForces(Flow f)
@@ -167,7 +167,7 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
   PetscCall(PetscArraycpy(force, f->par.force, 3));
   if (!f->force.expr || !ExprUsesPosition(f->force.expr)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(average(f, f->force.expr, x, force));
-  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->force.pressure_gradient[a];
+  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->par.force[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -76,7 +76,7 @@ typedef struct {
 /* -flow_convection_form conservative */
 typedef struct {
   PetscBool wanted;
-  PetscInt  axes;       /* bit mask of periodic ones */
+  PetscInt  axes;       /* bit mask of periodic ones, 0: not wanted */
   PetscReal impulse[3]; /* over volume, that convection took in the last step */
 } FlowKept;
 

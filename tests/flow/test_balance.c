@@ -32,6 +32,30 @@ static void test_forces_in_time(void **state)
   }
 }
 
+/* What convection took of the momentum comes back along periodic axes: in whole, whatever the next step is long, also
+   where that is taken again */
+static void test_kept(void **state)
+{
+  const PetscReal       flux[3] = {3, 1, 0}, x[2] = {0.7, 0.3};
+  PetscReal             force[3];
+  Case                  c;
+  const FlowParameters *par;
+
+  (void)state;
+  open_case(&c, BOX "-mesh_periodic x -flow_convection_form conservative -flow_force y,0");
+  OK(FlowBeginStep(c.flow, 2, 2));
+  FlowKeepMomentum(c.flow, flux, 1.5);
+  OK(FlowGetParameters(c.flow, &par));
+  for (PetscReal dt = 1; dt > 0.2; dt /= 2) {
+    OK(FlowBeginStep(c.flow, 2 + dt, dt));
+    NEAR(par->force[0], 4 / dt, 1e-14);
+    NEAR(par->force[1], 0, 0);
+    OK(FlowForceAt(c.flow, x, force));
+    NEAR(force[0], 0.3 + 4 / dt, 1e-14);
+  }
+  close_case(&c);
+}
+
 static PetscErrorCode source(void *ctx, PetscReal t, const PetscReal x[], PetscReal v[])
 {
   (void)ctx;
@@ -403,6 +427,7 @@ static void test_eddies(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_forces_in_time),
+                                     cmocka_unit_test(test_kept),
                                      cmocka_unit_test(test_source),
                                      cmocka_unit_test(test_opening),
                                      cmocka_unit_test(test_starts),
