@@ -33,41 +33,35 @@ PetscErrorCode FlowFetchRows(Flow f, PetscInt n, PetscInt size, const PetscInt r
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Their values go over, into o->rows.value */
-static PetscErrorCode send_rows(OnDevice o, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[])
+/* Their values go over, to where put or add of the kernels has them */
+static PetscErrorCode send_rows(OnDevice o, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[],
+                                int (*place)(const DeviceQueue *, int, int, const int[], const double[], double[]),
+                                PetscReal there[])
 {
   const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
+  if (n == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(open_rows(o, n, size, row));
   for (PetscInt i = 0; i < n; i++) PetscCall(PetscArraycpy(o->rows.here + i * size, here + row[i] * size, size));
   PetscCallDevice(q, (*q->run->upload)(q, (size_t)(n * size) * sizeof(double), o->rows.here, o->rows.value));
+  PetscCallDevice(q, (*place)(q, (int)n, (int)size, o->rows.row, o->rows.value, there));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSendRows(Flow f, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[],
                             PetscReal there[])
 {
-  OnDevice           o = f->device;
-  const DeviceQueue *q = &o->queue;
-
   PetscFunctionBeginUser;
-  if (n == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(send_rows(o, n, size, row, here));
-  PetscCallDevice(q, (*q->run->put)(q, (int)n, (int)size, o->rows.row, o->rows.value, there));
+  PetscCall(send_rows(f->device, n, size, row, here, f->device->queue.run->put, there));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowAddRows(Flow f, PetscInt n, PetscInt size, const PetscInt row[], const PetscReal here[],
                            PetscReal there[])
 {
-  OnDevice           o = f->device;
-  const DeviceQueue *q = &o->queue;
-
   PetscFunctionBeginUser;
-  if (n == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(send_rows(o, n, size, row, here));
-  PetscCallDevice(q, (*q->run->add)(q, (int)n, (int)size, o->rows.row, o->rows.value, there));
+  PetscCall(send_rows(f->device, n, size, row, here, f->device->queue.run->add, there));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
