@@ -357,9 +357,11 @@ PetscErrorCode PenaltyListPrescribed(Penalty p, const unsigned char fixed[], Pet
   for (PetscInt t = 0; t < p->nterm; t++) *n += meets_fixed(p, t, fixed) ? nb : 0;
   PetscCall(PetscMalloc1(*n, node));
   *n = 0;
-  for (PetscInt t = 0; t < p->nterm; t++)
-    for (PetscInt j = 0; j < nb && meets_fixed(p, t, fixed); j++)
-      (*node)[(*n)++] = p->loc->cell_node[p->term_cell[t] * nb + j];
+  for (PetscInt t = 0; t < p->nterm; t++) {
+    if (!meets_fixed(p, t, fixed)) continue;
+    PetscCall(PetscArraycpy(*node + *n, p->loc->cell_node + p->term_cell[t] * nb, nb));
+    *n += nb;
+  }
   PetscCall(PetscSortRemoveDupsInt(n, *node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
