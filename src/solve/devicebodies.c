@@ -181,30 +181,6 @@ PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver fs)
 
 /* ---- between the host and the device ---- */
 
-static size_t slot_bytes(FlowSolver fs)
-{
-  return (size_t)(ConstraintGetView(fs->constraint)->count * fs->nr) * sizeof(PetscReal);
-}
-
-/* The rigid slots behind the nodal part of a vector there, to and from here */
-static PetscErrorCode bring_slots(FlowSolver fs, const PetscReal x[], PetscReal here[])
-{
-  const DeviceQueue *q = FlowGetQueue(fs->flow);
-
-  PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->download)(q, slot_bytes(fs), x + fs->nodal, here));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode send_slots(FlowSolver fs, const PetscReal here[], PetscReal y[])
-{
-  const DeviceQueue *q = FlowGetQueue(fs->flow);
-
-  PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->upload)(q, slot_bytes(fs), here, y + fs->nodal));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* v [nlocal][nr] without what is known */
 static void leave_unknown(const ConstraintView *c, PetscReal v[])
 {
@@ -249,7 +225,7 @@ PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, PetscReal v[])
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(bring_slots(fs, v, b->slots));
+  PetscCall(FlowSolverBringSlots(fs, v, b->slots));
   PetscCall(FlowSolverSpreadSlots(fs, b->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->place.on, 1, b->U, v));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -273,7 +249,7 @@ PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal v[], Pets
   ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_FALSE, 1, c->local_rigid, b->here);
   FlowSolverMultBodies(fs, b->slots, rows);
   PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, rows));
-  PetscCall(send_slots(fs, rows, y));
+  PetscCall(FlowSolverSendSlots(fs, rows, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -286,7 +262,7 @@ PetscErrorCode FlowSolverReduceIntoOnDevice(FlowSolver fs, PetscReal slots[], Pe
   PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum));
   PetscCall(bring_sums(fs, 1, b->here));
   PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, slots));
-  PetscCall(send_slots(fs, slots, y));
+  PetscCall(FlowSolverSendSlots(fs, slots, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -310,7 +286,7 @@ PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver fs, const PetscReal b[]
   PetscReal         *rows = d->slots + ConstraintGetView(fs->constraint)->count * fs->nr;
 
   PetscFunctionBeginUser;
-  PetscCall(bring_slots(fs, b, rows));
+  PetscCall(FlowSolverBringSlots(fs, b, rows));
   FlowSolverSolveBodies(fs, rows, d->slots);
   PetscCall(FlowSolverSpreadSlots(fs, d->slots));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &d->coupling.on, -1, d->U, r));
@@ -327,7 +303,7 @@ PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver fs, PetscReal x[])
   PetscCall(bring_sums(fs, 1, d->here));
   PetscCall(BodyCouplingAnswerBodies(fs->body.coupling, ConstraintGetView(fs->constraint)->local_rigid, d->here));
   PetscCall(FlowSolverAnswerBodies(fs, d->here, d->slots));
-  PetscCall(send_slots(fs, d->slots, x));
+  PetscCall(FlowSolverSendSlots(fs, d->slots, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -341,14 +317,14 @@ PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver fs, const PetscReal x[]
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(bring_slots(fs, x, t));
+  PetscCall(FlowSolverBringSlots(fs, x, t));
   if (FlowSolverHasPenalty(fs)) {
     PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->relative.on, -1, x, b->sum));
     PetscCall(bring_sums(fs, 1, b->here));
     PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, t));
   }
   PetscCall(FlowSolverInvertMasses(fs, t, out));
-  PetscCall(send_slots(fs, out, y));
+  PetscCall(FlowSolverSendSlots(fs, out, y));
   if (!FlowSolverHasPenalty(fs)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverSpreadSlots(fs, out));
   PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->relative.on, -1, b->U, y));

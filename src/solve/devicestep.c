@@ -3,11 +3,6 @@
 #include "compat.h"
 #include "impl.h"
 
-PetscBool FlowSolverStaysOnDevice(FlowSolver fs)
-{
-  return FlowStaysOnDevice(fs->flow);
-}
-
 static PetscInt prescribed_slot(const ConstraintView *P, PetscInt j)
 {
   return j < P->inert.n ? P->inert.slot[j] : P->relative_rows.slot[j - P->inert.n];

@@ -88,15 +88,13 @@ PetscErrorCode FlowSolverAddLinearOnDevice(FlowSolver fs, const PetscReal factor
 
 PetscErrorCode FlowSolverSumRowsOnDevice(FlowSolver fs, const PetscReal v[], const PetscReal e[], PetscReal sum[6])
 {
-  const DeviceQueue *q     = FlowGetQueue(fs->flow);
-  const PetscInt     n     = fs->nur - fs->nodal;
-  const size_t       bytes = (size_t)n * sizeof(*v);
-  PetscReal         *V = fs->device.body.slots, *E = V + n;
+  const PetscInt n = fs->nur - fs->nodal;
+  PetscReal     *V = fs->device.body.slots, *E = V + n;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSumProductsOnDevice(fs->flow, e, v, sum));
-  PetscCallDevice(q, (*q->run->download)(q, bytes, v + fs->nodal, V));
-  PetscCallDevice(q, (*q->run->download)(q, bytes, e + fs->nodal, E));
+  PetscCall(FlowSolverBringSlots(fs, v, V));
+  PetscCall(FlowSolverBringSlots(fs, e, E));
   for (PetscInt i = 0; i < n; i++)
     if (i % fs->nr < fs->loc->dim) {
       sum[i % fs->nr] += E[i] * V[i];

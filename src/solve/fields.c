@@ -37,28 +37,44 @@ static size_t slot_bytes(FlowSolver fs)
   return (size_t)(ConstraintGetView(fs->constraint)->count * fs->nr) * sizeof(PetscReal);
 }
 
-PetscErrorCode FlowSolverGetSlots(FlowSolver fs, Vec v, PetscReal slots[])
+PetscErrorCode FlowSolverBringSlots(FlowSolver fs, const PetscReal a[], PetscReal slots[])
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);
-  const PetscReal   *a;
 
   PetscFunctionBeginUser;
-  PetscCall(DeviceVecGetRead(q, v, &a));
   if (q) PetscCallDevice(q, (*q->run->download)(q, slot_bytes(fs), a + fs->nodal, slots));
   else PetscCall(PetscMemcpy(slots, a + fs->nodal, slot_bytes(fs)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSendSlots(FlowSolver fs, const PetscReal slots[], PetscReal a[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  if (q) PetscCallDevice(q, (*q->run->upload)(q, slot_bytes(fs), slots, a + fs->nodal));
+  else PetscCall(PetscMemcpy(a + fs->nodal, slots, slot_bytes(fs)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetSlots(FlowSolver fs, Vec v, PetscReal slots[])
+{
+  const PetscReal *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceVecGetRead(FlowGetQueue(fs->flow), v, &a));
+  PetscCall(FlowSolverBringSlots(fs, a, slots));
   PetscCall(VecRestoreArrayReadAndMemType(v, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverSetSlots(FlowSolver fs, Vec v, const PetscReal slots[])
 {
-  const DeviceQueue *q = FlowGetQueue(fs->flow);
-  PetscReal         *a;
+  PetscReal *a;
 
   PetscFunctionBeginUser;
-  PetscCall(DeviceVecGet(q, v, &a));
-  if (q) PetscCallDevice(q, (*q->run->upload)(q, slot_bytes(fs), slots, a + fs->nodal));
-  else PetscCall(PetscMemcpy(a + fs->nodal, slots, slot_bytes(fs)));
+  PetscCall(DeviceVecGet(FlowGetQueue(fs->flow), v, &a));
+  PetscCall(FlowSolverSendSlots(fs, slots, a));
   PetscCall(VecRestoreArrayAndMemType(v, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -306,11 +306,8 @@ void           FlowSolverMultBodies(FlowSolver, const PetscReal x[], PetscReal y
 void           FlowSolverSolveBodies(FlowSolver, const PetscReal b[], PetscReal x[]);
 PetscErrorCode FlowSolverAnswerBodies(FlowSolver, PetscReal sum[], PetscReal x[]);
 PetscErrorCode FlowSolverInvertMasses(FlowSolver, const PetscReal x[], PetscReal y[]);
-/* FlowSolverAddPressureMass there */
-PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, Vec r, Vec p);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
-/* Does it say so, and do fields stay there in this step (devicestep.c)? Then, in place of functions of these names: */
-PetscBool      FlowSolverStaysOnDevice(FlowSolver);
+/* Where fields stay there in this step (FlowStaysOnDevice; devicestep.c), in place of functions of these names: */
 PetscErrorCode FlowSolverBuildRhsOnDevice(FlowSolver, const PetscReal g[]);
 PetscErrorCode FlowSolverPackOnDevice(FlowSolver, const PetscReal U[]);
 PetscErrorCode FlowSolverUnpackOnDevice(FlowSolver, PetscReal U[]);
@@ -330,7 +327,10 @@ PetscErrorCode FlowSolverSumLoads(FlowSolver, const PetscReal rigid[], PetscReal
 PetscErrorCode FlowSolverReduceIntoOnDevice(FlowSolver, PetscReal slots[], PetscReal y[]);
 /* Rigid velocities of slots of the host go over to the local bodies, for fs->device.body.U */
 PetscErrorCode FlowSolverSpreadSlots(FlowSolver, const PetscReal slots[]);
-/* Rigid slots [count][nr] of a reduced velocity or a vector of the system, on the host */
+/* Rigid slots [count][nr] of a reduced velocity or a vector of the system, on the host; its entries a lie where vectors
+   do */
+PetscErrorCode FlowSolverBringSlots(FlowSolver, const PetscReal a[], PetscReal slots[]);
+PetscErrorCode FlowSolverSendSlots(FlowSolver, const PetscReal slots[], PetscReal a[]);
 PetscErrorCode FlowSolverGetSlots(FlowSolver, Vec, PetscReal slots[]);
 PetscErrorCode FlowSolverSetSlots(FlowSolver, Vec, const PetscReal slots[]);
 PetscErrorCode FlowSolverRemoveConstantOnDevice(FlowSolver, Vec x);

@@ -181,21 +181,6 @@ PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver fs, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver fs, PetscReal factor, Vec r, Vec p)
-{
-  const DeviceQueue *q = FlowGetQueue(fs->flow);
-  const PetscReal   *ra;
-  PetscReal         *pa;
-
-  PetscFunctionBeginUser;
-  PetscCall(DeviceVecGetRead(q, r, &ra));
-  PetscCall(DeviceVecGet(q, p, &pa));
-  PetscCall(FlowPressureMassOnDevice(fs->flow, factor, ra, pa));
-  PetscCall(VecRestoreArrayAndMemType(p, &pa));
-  PetscCall(VecRestoreArrayReadAndMemType(r, &ra));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- set-up ---- */
 
 /* What stays for as long as the mesh does */

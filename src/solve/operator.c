@@ -369,19 +369,17 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 
 PetscErrorCode FlowSolverAddPressureMass(FlowSolver fs, PetscReal factor, Vec r, Vec p)
 {
-  const PetscReal *ra;
-  PetscReal       *pa;
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const PetscReal   *ra;
+  PetscReal         *pa;
 
   PetscFunctionBeginUser;
-  if (FlowSolverIsOnDevice(fs)) {
-    PetscCall(FlowSolverAddPressureMassOnDevice(fs, factor, r, p));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(VecGetArrayRead(r, &ra));
-  PetscCall(VecGetArray(p, &pa));
-  PetscCall(FlowPressureMassSolve(fs->flow, factor, ra, pa));
-  PetscCall(VecRestoreArray(p, &pa));
-  PetscCall(VecRestoreArrayRead(r, &ra));
+  PetscCall(DeviceVecGetRead(q, r, &ra));
+  PetscCall(DeviceVecGet(q, p, &pa));
+  if (q) PetscCall(FlowPressureMassOnDevice(fs->flow, factor, ra, pa));
+  else PetscCall(FlowPressureMassSolve(fs->flow, factor, ra, pa));
+  PetscCall(VecRestoreArrayAndMemType(p, &pa));
+  PetscCall(VecRestoreArrayReadAndMemType(r, &ra));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

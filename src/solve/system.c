@@ -460,7 +460,7 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscCall(MatMult(fs->op.K, fs->vec.x, fs->vec.r));
   PetscCall(VecAYPX(fs->vec.r, -1, fs->vec.b));
   if (dp && !fs->set.single_projection && !fs->set.need_whole)
-    PetscCall(FlowSolverStaysOnDevice(fs) ? FlowSolverShiftOnDevice(fs) : FlowSolverShiftPressure(fs, dp));
+    PetscCall(FlowStaysOnDevice(fs->flow) ? FlowSolverShiftOnDevice(fs) : FlowSolverShiftPressure(fs, dp));
   PetscCall(FlowSolverMakeConsistent(fs, fs->vec.r));
   PetscCall(VecZeroEntries(fs->vec.y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -486,7 +486,7 @@ static PetscErrorCode iterate(FlowSolver fs, KSPConvergedReason *reason)
 PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
-  const PetscBool there = FlowSolverStaysOnDevice(fs);
+  const PetscBool there = FlowStaysOnDevice(fs->flow);
   PetscBool       converged;
   PetscReal       size;
 
