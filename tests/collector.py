@@ -272,6 +272,14 @@ def pytest_collect_file(file_path, parent):
 # ---- time limit, failures, counts ----
 
 
+def heed(number, handler):
+    """Handle a signal, if this is the main thread, which alone can: a worker of pytest-xdist has been seen in another one."""
+    if threading.current_thread() is not threading.main_thread():
+        return False
+    signal.signal(number, handler)
+    return True
+
+
 @pytest.hookimpl(hookwrapper=True)
 def limited(item):
     """A wrapper around one phase of an end-to-end test, failing it when the time is over; a program has its own limit."""
@@ -280,8 +288,8 @@ def limited(item):
         kill_marked(os.environ[MARK])
         pytest.fail(f"time limit of {LIMIT_E2E:g} s exceeded: killed", pytrace=False)
 
-    signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, 0 if isinstance(item, Case) else LIMIT_E2E)
+    heeded = heed(signal.SIGALRM, expire)  # else the alarm would end the worker
+    signal.setitimer(signal.ITIMER_REAL, LIMIT_E2E if heeded and not isinstance(item, Case) else 0)
     yield
     signal.setitimer(signal.ITIMER_REAL, 0)
 
@@ -337,8 +345,7 @@ class Counter:
 def pytest_configure(config):
     config.addinivalue_line("markers", "xdist_group(name): tests of one group go to one worker of pytest-xdist")
     set_environment(longer_mark())
-    if threading.current_thread() is threading.main_thread():  # a worker of pytest-xdist has been seen in another one
-        signal.signal(signal.SIGTERM, lambda *_: pytest.exit("ended by SIGTERM", 143))  # an exception, so that running tests are killed on the way out
+    heed(signal.SIGTERM, lambda *_: pytest.exit("ended by SIGTERM", 143))  # an exception, so that running tests are killed on the way out
     if not hasattr(config, "workerinput"):  # the workers of pytest-xdist report to one that counts
         config.pluginmanager.register(Counter())
 
