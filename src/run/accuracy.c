@@ -359,7 +359,6 @@ static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscRea
   PetscCall(SubjectChoose(p, &s->m[0], &subject));
   *error = differ(&subject, &s->m[0], &s->m[1]) + PetscMax(0, lined_up);
   if (s->n > 2) *error += differ(&subject, &s->m[1], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1);
-  *error = PetscMax(ERROR_MIN, *error);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -385,8 +384,8 @@ static PetscErrorCode estimate_on_meshes(const SimComponents *p, PetscReal order
     PetscCall(CoarserMesh(&s->kept, HALF, &half));
     PetscCall(add_mesh(p, HALF, s));
   }
-  if (s->n > 1 && drawn) *error = PetscMax(ERROR_MIN, extrapolate_drawn(&subject, order, s));
-  else if (s->n > 1) *error = PetscMax(ERROR_MIN, extrapolate(&subject, order < ORDER_MIN ? &cornered : &smooth, s));
+  if (s->n > 1 && drawn) *error = extrapolate_drawn(&subject, order, s);
+  else if (s->n > 1) *error = extrapolate(&subject, order < ORDER_MIN ? &cornered : &smooth, s);
   if (s->n != 3 || drawn || order >= ORDER_MIN || s->trend != TREND_STALLS) PetscFunctionReturn(PETSC_SUCCESS);
   /* corners whose errors come and go with the places of nodes: as large as values of any two meshes differ */
   PetscCall(CoarserPutBack(&s->kept, 0));
