@@ -5,7 +5,6 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/slip.h"
-#include "mesh/carry.h"
 #include <string.h>
 
 #define SAFETY  0.9
@@ -471,18 +470,11 @@ PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
 
 PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
 {
-  const MeshLocal *l = a->l;
-  Mesh             now;
-  PetscReal       *u, *age;
+  Mesh now;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMesh(a->flow, &now));
-  PetscCall(PetscMalloc2(l->nnode_all * l->dim, &u, l->nnode_all, &age));
-  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&a->u_older, &u));
-  PetscCall(CalmCarry(old, now, a->age, age));
-  PetscCall(PetscFree2(a->u_older, a->age));
-  a->u_older = u;
-  a->age     = age;
+  PetscCall(CalmCarry(old, now, &a->u_older, &a->age));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -21,14 +21,20 @@ void CalmStep(const MeshLocal *l, const PetscInt body[], PetscReal age[])
   }
 }
 
-PetscErrorCode CalmCarry(Mesh old, Mesh now, const PetscReal age[], PetscReal next[])
+PetscErrorCode CalmCarry(Mesh old, Mesh now, PetscReal **velocity, PetscReal **age)
 {
   const MeshLocal *l;
+  PetscReal       *v, *next;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(now, &l));
-  PetscCall(MeshCarryNodes(old, now, 1, age, next));
+  PetscCall(PetscMalloc2(l->nnode_all * l->dim, &v, l->nnode_all, &next));
+  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)velocity, &v));
+  PetscCall(MeshCarryNodes(old, now, 1, *age, next));
   for (PetscInt i = 0; i < l->nnode_all; i++)
     next[i] = PetscMax(0, PetscMin(CALM_STEPS, PetscFloorReal(next[i] + 1e-9)));
+  PetscCall(PetscFree2(*velocity, *age));
+  *velocity = v;
+  *age      = next;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

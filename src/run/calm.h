@@ -9,5 +9,6 @@
 void CalmBegin(const MeshLocal *, PetscReal age[]);
 /* A step was taken, with these bodies at nodes (CoupleGetNodeBody). Local. */
 void CalmStep(const MeshLocal *, const PetscInt body[], PetscReal age[]);
-/* To another mesh: next [nnode_all] of that one. A node between disturbed ones counts as one. Collective. */
-PetscErrorCode CalmCarry(Mesh old, Mesh now, const PetscReal age[], PetscReal next[]);
+/* To another mesh: a velocity [nnode_all][dim] and ages, of one PetscMalloc2, give way to those there. A node between
+   disturbed ones counts as one. Collective. */
+PetscErrorCode CalmCarry(Mesh old, Mesh now, PetscReal **velocity, PetscReal **age);

@@ -6,7 +6,6 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "flow/device.h"
-#include "mesh/carry.h"
 #include "promise.h"
 
 /* steps after which a run is judged for the first time, by the latter half of them: a sudden start leaves about
@@ -55,19 +54,12 @@ static PetscErrorCode keep_promise(void *timeerror, PetscReal *dt)
 /* The mesh has been made anew */
 static PetscErrorCode carry_over(void *timeerror, Mesh old)
 {
-  TimeError  t   = timeerror;
-  Mesh       now = t->p->mesh;
-  PetscReal *slow, *age;
+  TimeError t = timeerror;
 
   PetscFunctionBeginUser;
   PetscCall(MeshSyncNodes(old, t->l->dim, t->slow));
-  PetscCall(MeshGetLocal(now, &t->l));
-  PetscCall(PetscMalloc2(t->l->nnode_all * t->l->dim, &slow, t->l->nnode_all, &age));
-  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&t->slow, &slow));
-  PetscCall(CalmCarry(old, now, t->age, age));
-  PetscCall(PetscFree2(t->slow, t->age));
-  t->slow = slow;
-  t->age  = age;
+  PetscCall(MeshGetLocal(t->p->mesh, &t->l));
+  PetscCall(CalmCarry(old, t->p->mesh, &t->slow, &t->age));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
