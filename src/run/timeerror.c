@@ -296,7 +296,9 @@ static PetscErrorCode check_layer(TimeError t)
                   "the mesh leaves an estimated error of %.2g %% in a flow that swings: its layers at walls are "
                   "thin. Refine the mesh there (-mesh_cells, -mesh_resolution, -mesh_stretch)",
                   (double)(100 * error)));
-  PetscCall(refuse(t, why));
+  if (t->n <= YOUNG) PetscCall(refuse(t, why));
+  PetscCall(LogRemark("-preset %s promises %s %%, and %s", PROMISE_PRESETS[t->preset], PromiseText(t->preset), why));
+  t->mesh_told = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

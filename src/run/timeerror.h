@@ -11,9 +11,9 @@
    of the steps or more of them. At 32, 64, 128 ... steps (accurate: from 64 on), where a preset promises less, a remark
    says which step would do. A preset that was asked for takes that step from there on (row `promise` of the limits) if
    friction forgets within half of the run what the longer ones made, else the run stops while it is young, as it does
-   where a flow without bodies swings and its layer at walls is too thin for the cells. runs/studies/steps has errors
-   and estimates. Costs a look at all nodes a step. Not for steady runs, runs on a device, drops and elastic particles,
-   whose fields have kinks that travel. */
+   where a flow without bodies swings and its layer at walls is too thin for the cells; of a layer that becomes so later
+   a remark tells. runs/studies/steps has errors and estimates. Costs a look at all nodes a step. Not for steady runs,
+   runs on a device, drops and elastic particles, whose fields have kinks that travel. */
 #pragma once
 #include "sim.h"
 #include "steplimits.h"

@@ -133,3 +133,10 @@ def test_layers_at_walls(run, scene, name, args, error):
     if error:
         found = float(result.text.split("the mesh leaves an estimated error of ")[1].split(" %")[0])
         assert found == pytest.approx(error, rel=0.15)
+
+
+def test_layers_that_become_thin_are_told(run, scene):
+    """A run that is no longer young goes on, with one remark: here the force swings faster and faster."""
+    force = "sin(2*pi*t) + t^4*sin(10*pi*t),0"
+    result = run([scene(CHANNEL), "-preset", "accurate", "-flow_viscosity", "0.02", "-flow_force", force, "-sim_dt", "0.005", "-sim_time", "2.6"])
+    assert result.status == 0 and result.out.count("remark: -preset accurate promises 0.2 %, and the mesh leaves an estimated error of 0.43 %") == 1, str(result)
