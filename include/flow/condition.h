@@ -44,6 +44,8 @@ PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
 /* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow, pressure)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);
+/* Is any boundary open? Local. */
+PetscBool ConditionsHaveOpening(Conditions);
 /* Is boundary b of type pressure? */
 PetscBool ConditionsHasPressure(Conditions, PetscInt b);
 /* The boundary whose condition prescribes a component, or -1: owner [nnode_all][dim]. Where boundaries meet it is the

@@ -64,31 +64,15 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does momentum neither enter nor leave with the flow? */
-static PetscErrorCode is_closed(Couple c, PetscBool *closed)
-{
-  PetscInt  n;
-  PetscBool wall, open;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(c->bodies, closed));
-  PetscCall(MeshGetBoundaryCount(c->mesh, &n));
-  for (PetscInt b = 0; b < n; b++) {
-    PetscCall(ConditionsGetKind(FlowConditions(c->flow), b, &wall, &open));
-    *closed = (PetscBool)(*closed && !open);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Adds up what convection took of the driving force; a remark (once) where it is much */
 static PetscErrorCode watch_convection(Couple c, const FlowDiagnostics *d)
 {
   char      form[32];
-  PetscBool closed;
+  PetscBool still;
   PetscReal taken = 0, pulled = 0;
 
   PetscFunctionBeginUser;
-  if (c->driving.told_convection || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->driving.settled || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     c->driving.taken[a] += d->flux[a] * c->step->dt;
     c->driving.pulled[a] += c->par->force[a] * c->driving.domain * c->step->dt;
@@ -98,9 +82,10 @@ static PetscErrorCode watch_convection(Couple c, const FlowDiagnostics *d)
   }
   if (++c->driving.steps < ENOUGH || PetscAbsReal(taken) <= TAKEN * pulled) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptPeek("-flow_convection_form", form, sizeof(form)));
-  PetscCall(is_closed(c, &closed));
-  c->driving.told_convection = PETSC_TRUE; /* or never will be */
-  if (!closed || !strcmp(form, "conservative")) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  c->driving.settled = PETSC_TRUE;
+  if (!still || ConditionsHaveOpening(FlowConditions(c->flow)) || !strcmp(form, "conservative"))
+    PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     LogRemark("convection has %s %.2g %% of the force that drives the flow by t = %g: the flow is finer than the cells, and friction %s by as much. "
               "Refine the mesh, or use -flow_convection_form conservative where -flow_rate does not hold the mean velocity",

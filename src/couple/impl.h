@@ -111,7 +111,7 @@ struct _p_Couple {
     /* of the run, int over time: what convection took of the momentum, and the driving force, by axes */
     PetscReal taken[3], pulled[3];
     PetscInt  steps;
-    PetscBool told_convection;
+    PetscBool settled; /* it took much: told, unless openings, bodies or the form explain it */
   } driving;
 };
 

@@ -96,6 +96,14 @@ PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool ConditionsHaveOpening(Conditions f)
+{
+  PetscBool wall, open = PETSC_FALSE;
+
+  for (PetscInt b = 0; b < f->n && !open; b++) PetscCallAbort(PETSC_COMM_SELF, ConditionsGetKind(f, b, &wall, &open));
+  return open;
+}
+
 PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, PetscBool *moves)
 {
   const ConditionsType type = f->condition[b].type;

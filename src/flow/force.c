@@ -105,17 +105,12 @@ PetscErrorCode FlowSetMeanPressureGradient(Flow f, const PetscReal force[3])
 
 PetscErrorCode FlowCheckKept(Flow f)
 {
-  PetscInt  n, open;
-  PetscBool wall, opening;
+  PetscInt open;
 
   PetscFunctionBeginUser;
   if (!f->force.kept.wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshGetBoundaryCount(f->mesh, &n));
-  for (PetscInt b = 0; b < n; b++) {
-    PetscCall(ConditionsGetKind(f->boundary, b, &wall, &opening));
-    PetscCheck(!opening, f->comm, PETSC_ERR_USER_INPUT,
-               "-flow_convection_form conservative counts on a domain without inflow or outflow, through which momentum goes: use convective or skew");
-  }
+  PetscCheck(!ConditionsHaveOpening(f->boundary), f->comm, PETSC_ERR_USER_INPUT,
+             "-flow_convection_form conservative counts on a domain without inflow or outflow, through which momentum goes: use convective or skew");
   PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
   f->force.kept.axes = open & ~f->par.rate_axes; /* there the mean velocity is held */
   PetscFunctionReturn(PETSC_SUCCESS);
