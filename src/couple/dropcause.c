@@ -132,18 +132,28 @@ static PetscErrorCode find_way(const CoupleDrops *f, Couple c, PetscInt drop, Ca
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of a drop, or (drop < 0) near x. Collective. */
+static PetscErrorCode explain(const CoupleDrops *f, Couple c, const PhaseInterface *interface, PetscInt drop,
+                              const PetscReal x[3], char text[], size_t len)
+{
+  Cause       w = {.x = {x[0], x[1], x[2]}, .h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
+  const char *opening;
+
+  PetscFunctionBeginUser;
+  look_around(c->loc, interface, drop, &w);
+  PetscCall(find_way(f, c, drop, &w));
+  PetscCall(find_opening(c, w.side, &opening));
+  describe(&w, opening, text, len);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropsStop(CoupleDrops *f, Couple c)
 {
   const PetscReal *x = f->result.flat;
-  Cause            w = {.x = {x[0], x[1], x[2]}, .h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
-  const char      *opening;
   char             why[256];
 
   PetscFunctionBeginUser;
-  look_around(c->loc, &f->interface, -1, &w);
-  PetscCall(find_way(f, c, -1, &w));
-  PetscCall(find_opening(c, w.side, &opening));
-  describe(&w, opening, why, sizeof(why));
+  PetscCall(explain(f, c, &f->interface, -1, x, why, sizeof(why)));
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT, "The mesh cannot be lined up with the drops at t = %g near (%g, %g, %g): %s",
           (double)c->step->time, (double)x[0], (double)x[1], (double)(c->loc->dim == 3 ? x[2] : 0), why);
 }
@@ -156,15 +166,10 @@ PetscErrorCode DropsCheckVolumes(CoupleDrops *f, Couple c)
   for (PetscInt k = 0; k < s->n; k++) {
     const Drop     *d     = s->drop + k;
     const PetscReal error = d->sums.area / d->target - 1;
-    Cause           w     = {.h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
-    const char     *opening;
     char            why[256];
 
     if (PetscAbsReal(error) <= WRONG || d->target <= TINY * PetscPowRealInt(c->loc->h, (int)c->loc->dim)) continue;
-    look_around(c->loc, &s->interface, d->number, &w);
-    PetscCall(find_way(f, c, d->number, &w));
-    PetscCall(find_opening(c, w.side, &opening));
-    describe(&w, opening, why, sizeof(why));
+    PetscCall(explain(f, c, &s->interface, d->number, d->sums.centre, why, sizeof(why)));
     SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
             "The volume of drop %" PetscInt_FMT " ('%s') is off by %.2g %% at t = %g, centre (%g, %g, %g): %s",
             d->number, s->group[d->group].name, (double)(100 * error), (double)c->step->time, (double)d->sums.centre[0],

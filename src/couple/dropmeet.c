@@ -11,7 +11,6 @@
 #include "drops.h"
 #include "impl.h"
 #include "penalty.h"
-#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "base/sparse.h"
@@ -88,11 +87,8 @@ static PetscErrorCode gather_bodies(const CoupleDrops *f, Couple c, WettedBodies
     PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, b->X, b->q, &angle));
     n++;
   }
-  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) s->n = n, s->body = own; /* all know all of them */
-  else {
-    PetscCall(SparseGather(c->comm, n, sizeof(*own), own, &s->n, &s->body, NULL));
-    PetscCall(PetscFree(own));
-  }
+  PetscCall(SparseGather(BodiesComm(c->bodies), n, sizeof(*own), own, &s->n, &s->body, NULL));
+  PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -183,10 +179,15 @@ PetscErrorCode DropsVisitBodies(CoupleDrops *f, State state)
   PetscCall(StateInts(state, "drops_met", 1, &met));
   f->met = (PetscBool)met;
   PetscCall(PetscMalloc1(2 * f->s->n, &value));
-  for (PetscInt i = 0; i < 2 * f->s->n; i++) value[i] = i % 2 ? f->s->drop[i / 2].inside_old : f->s->drop[i / 2].inside;
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    value[2 * k]     = f->s->drop[k].inside;
+    value[2 * k + 1] = f->s->drop[k].inside_old;
+  }
   PetscCall(StateReals(state, "drops_inside", 2 * f->s->n, value));
-  for (PetscInt i = 0; i < 2 * f->s->n; i++)
-    *(i % 2 ? &f->s->drop[i / 2].inside_old : &f->s->drop[i / 2].inside) = value[i];
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    f->s->drop[k].inside     = value[2 * k];
+    f->s->drop[k].inside_old = value[2 * k + 1];
+  }
   PetscCall(PetscFree(value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -13,11 +13,6 @@
 #define TOLD      0.999 /* of its volume: with less of it in the domain it is told, */
 #define NOTHING   1e-6  /* and with less than this there is none */
 
-typedef struct {
-  PetscInt   n, capacity;
-  PhaseEdge *edge;
-} Edges;
-
 /* ---- options ---- */
 
 static PetscErrorCode read_material(DropGroup *g)

@@ -3,7 +3,7 @@
    from there to where it comes out. An arc with tangents t, s at its ends has its chord along t + s, by which its end
    is found. */
 #include "compat.h"
-#include "phase/curve.h"
+#include "impl.h"
 #include "base/array.h"
 #include "fem/edge.h"
 
@@ -17,11 +17,6 @@
 typedef struct {
   PetscReal x[2], t[2]; /* place, and tangent along the curve, of length 1 */
 } End;
-
-typedef struct {
-  PetscInt   n, capacity;
-  PhaseEdge *edge; /* without keys */
-} Edges;
 
 static PetscErrorCode distance_at(const PhaseSolid *s, const PetscReal x[2], PetscReal *d)
 {

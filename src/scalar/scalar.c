@@ -134,7 +134,8 @@ PetscErrorCode ScalarsStartAt(Scalars all, PetscInt i, const PetscReal x[])
   if (s->run[0] && all->read) {
     char option[OPT_NAME];
 
-    PetscCall((*all->read)(all->mesh, OptJoin("-scalar_", s->name, "_initial_run", option), s->run, s->name, x, s->T));
+    (void)snprintf(option, sizeof(option), "-scalar_%s_initial_run", s->name); /* read elsewhere */
+    PetscCall((*all->read)(all->mesh, option, s->run, s->name, x, s->T));
   } else PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, x, s->T));
   PetscCall(PetscArraycpy(s->T_old, s->T, all->loc->nnode_all));
   PetscCall(PetscArraycpy(s->x, s->T, all->loc->nnode_all));
