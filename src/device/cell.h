@@ -229,10 +229,10 @@ DEV void multiply_cell(const int box, const int convection, const int skew, cons
     if (box) {
       const double w = vary ? point_weight(q) * at[flow * G] : point_weight(q);
 
-      r    = point_weight(q) * mass * v[q];
-      f[0] = w * k[0] * g[0];
-      f[1] = w * k[1] * g[1];
-      f[2] = w * k[2] * g[2];
+      r    = point_weight(q) * (mass * v[q]);
+      f[0] = w * (k[0] * g[0]);
+      f[1] = w * (k[1] * g[1]);
+      f[2] = w * (k[2] * g[2]);
     } else {
       const double kxy = at[2 * G], kxz = at[3 * G], kyz = at[5 * G];
 

@@ -37,56 +37,69 @@ DEV void contract_pair(const int axis, const int order, double *x)
   }
 }
 
-/* What coefficient k has of term t at point q: 0 mass with divergence, 1 to 3 convection, 4 to 9 diffusion xx xy xz yy
-   yz zz */
-DEV double read_term(const int box, const DeviceForm f, const double *RESTRICT k, const int t, const int e, const int h,
-                     const int q)
+/* x [27] = coefficient of term t at the points: 0 mass with divergence, 1 to 3 convection, 4 to 9 diffusion xx xy xz yy
+   yz zz, times the weights of the points where those are not in the coefficients */
+DEV void read_term(const int box, const DeviceForm f, const double *RESTRICT k, const int t, const int e, const int h,
+                   double *x)
 {
-  const int     skew = f.skew != 0, flow = NFLOW(f.convection, skew);
-  const double *at = box ? k + (4 + q * (flow + f.vary)) * G : k + q * (7 + flow) * G, *u = box ? at : at + 7 * G;
+  const int     skew = f.skew != 0, flow = NFLOW(f.convection, skew), n = box ? flow + f.vary : 7 + flow;
+  const int     first = box ? 0 : 7, more = t == 0 ? f.convection && skew : box && t >= 4 && f.vary;
+  const double *at = k + (t == 0 ? 0 : box ? 1 + e : t - 3) * G, *vary = k + (first + (t == 0 ? 3 : flow)) * G;
+  double        one = 0, factor = 1;
 
-  if (t == 0) return (box ? point_weight(q) * k[0] : at[0]) + (f.convection && skew ? u[3 * G] : 0);
-  if (t < 4) return u[e * G];
-  if (box) return point_weight(q) * k[(1 + e) * G] * (f.vary ? at[flow * G] : 1);
-  return at[(t - 3) * G] * (e == h ? 1 : 2);
+  if (box) k += 4 * G, vary += 4 * G;
+  if (t > 0 && t < 4) at = k + (first + e) * G;
+  else if (box) one = at[0];
+  else factor = t > 0 && e != h ? 2 : 1;
+  UNROLL
+  for (int q = 0; q < 27; q++) {
+    const double own = box && (t == 0 || t >= 4) ? point_weight(q) * one : factor * at[q * n * G];
+
+    x[q] = !more ? own : t == 0 ? own + vary[q * n * G] : own * vary[q * n * G];
+  }
 }
 
-/* Thread t: what its terms add to d [27] */
-DEV void add_terms(const int box, const int thread, const DeviceForm f, const double *RESTRICT k, double *d)
+/* Thread t: what its terms add to d [27], which stands `stride` apart in shared memory */
+DEV void add_terms(const int box, const int thread, const DeviceForm f, const double *RESTRICT k, const int stride,
+                   double *d)
 {
   for (int t = thread / G; t < 10; t += 3) {
     const int e = t < 4 ? t - 1 : t < 7 ? 0 : t < 9 ? 1 : 2, h = t < 7 ? t - 4 : t < 9 ? t - 6 : 2;
     double    x[27];
 
     if ((box && t >= 4 && e != h) || (!f.convection && t > 0 && t < 4)) continue;
-    UNROLL
-    for (int q = 0; q < 27; q++) x[q] = read_term(box, f, k, t, e, h, q);
+    read_term(box, f, k, t, e, h, x);
     UNROLL
     for (int axis = 0; axis < 3; axis++)
       contract_pair(axis, t == 0 ? 0 : t < 4 ? axis == e : (axis == e) + (axis == h), x);
     UNROLL
-    for (int j = 0; j < 27; j++) d[j] += x[j];
+    for (int j = 0; j < 27; j++) d[j * stride] += x[j];
   }
 }
 
 /* Where something hangs: thread t has every third slot */
-DEV void add_hanging(const int box, const int t, const DeviceCells c, const int g, const DeviceForm f,
-                     const double *RESTRICT k, double *mine, double *diagonal)
+DEV void hanging_group(const int box, const int convection, const int skew, const int vary, const DeviceCells c,
+                       const int first, const double *RESTRICT coefficient, double *diagonal)
 {
-  const DeviceHang *h = find_hang(t, c, g);
+  SHARED double s[81 * PAD];
+  const int     flow = NFLOW(convection, skew), g = first + BLOCK;
+  const double *k = coefficient + BLOCK * (box ? box_size(flow, vary) : other_size(flow));
 
+  EACH_THREAD(t, THREADS)
   for (int slot = t / G; slot < 27; slot += 3) {
-    const int e = c.node[((Big)g * G + t % G) * 27 + slot];
-    double    v[27], sum = 0;
+    const DeviceHang *h = find_hang(t, c, g);
+    const int         e = c.node[((Big)g * G + t % G) * 27 + slot];
+    double            v[27], sum = 0, *mine = component(t, s);
 
+    if (!h || e < 0) continue;
     for (int j = 0; j < 27; j++) mine[3 * j * PAD] = j == slot;
     hang_gather(h, 3 * PAD, mine);
     UNROLL
     for (int j = 0; j < 27; j++) v[j] = mine[3 * j * PAD];
-    multiply_cell(box, f.convection, f.skew != 0, f.vary, k, v);
+    multiply_cell(box, convection, skew, vary, k + t % G, v);
     UNROLL
     for (int j = 0; j < 27; j++) sum += v[j] * mine[3 * j * PAD];
-    if (e >= 0) ADD(diagonal[NODE(e)], sum);
+    ADD(diagonal[NODE(e)], sum);
   }
 }
 
@@ -101,16 +114,8 @@ DEV void diagonal_group(const int box, const DeviceCells c, const int first, con
   {
     double *mine = component(t, s);
 
-    if (find_hang(t, c, g)) add_hanging(box, t, c, g, f, k + t % G, mine, diagonal);
-    else {
-      double d[27];
-
-      UNROLL
-      for (int j = 0; j < 27; j++) d[j] = 0;
-      add_terms(box, t, f, k + t % G, d);
-      UNROLL
-      for (int j = 0; j < 27; j++) mine[3 * j * PAD] = d[j];
-    }
+    for (int j = 0; j < 27; j++) mine[3 * j * PAD] = 0;
+    add_terms(box, t, f, k + t % G, 3 * PAD, mine);
   }
   BARRIER;
   EACH_THREAD(t, THREADS)
@@ -132,12 +137,39 @@ KERNEL(THREADS, 2) of_others(const DeviceCells c, const DeviceForm f, const doub
   diagonal_group(0, c, c.nbox, f, k, d);
 }
 
+/* With the form as constants, as products have it: with numbers that are read they spill registers */
+#define HANGING(name, box, convection, skew, vary) \
+  KERNEL(THREADS, 2) name(const DeviceCells c, const int first, const double *RESTRICT k, double *d) \
+  { \
+    hanging_group(box, convection, skew, vary, c, first, k, d); \
+  }
+HANGING(box_plain, 1, 0, 0, 0)
+HANGING(box_convection, 1, 1, 0, 0)
+HANGING(box_skew, 1, 1, 1, 0)
+HANGING(box_vary, 1, 0, 0, 1)
+HANGING(box_vary_convection, 1, 1, 0, 1)
+HANGING(box_vary_skew, 1, 1, 1, 1)
+HANGING(other_plain, 0, 0, 0, 0)
+HANGING(other_convection, 0, 1, 0, 0)
+HANGING(other_skew, 0, 1, 1, 0)
+
+typedef void (*Hanging)(const DeviceCells, const int, const double *, double *);
+
 int NAME(add_diagonal)(const DeviceQueue *queue, const DeviceCells *cells, const DeviceForm *form,
                        const double coefficient[], double d[])
 {
+  static const Hanging box[]   = {box_plain, box_convection, box_skew, box_vary, box_vary_convection, box_vary_skew},
+                       other[] = {other_plain, other_convection, other_skew};
+  const int     nother = cells->ngroup - cells->nbox, skew = form->skew != 0, flows = form->convection != 0;
+  const double *of_other      = coefficient + cells->nbox * box_size(NFLOW(flows, skew), form->vary);
+  const Hanging hanging_box   = box[flows * (1 + skew) + 3 * (form->vary != 0)],
+                hanging_other = other[flows * (1 + skew)];
+
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, *form, coefficient, d);
-  coefficient += cells->nbox * box_size(NFLOW(form->convection, form->skew != 0), form->vary);
-  LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, *form, coefficient, d);
+  LAUNCH(queue, of_others, nother, THREADS, *cells, *form, of_other, d);
+  if (!cells->hang) return LAST_ERROR();
+  LAUNCH(queue, hanging_box, cells->nbox, THREADS, *cells, 0, coefficient, d);
+  LAUNCH(queue, hanging_other, nother, THREADS, *cells, cells->nbox, of_other, d);
   return LAST_ERROR();
 }
 

@@ -45,7 +45,7 @@ of_boxes(const DeviceCells c, const Combination x, const double scale, const Big
   mass_group(1, c, 0, x, scale, size, stride, k, y);
 }
 
-KERNEL(THREADS, 6)
+KERNEL(THREADS, 5)
 of_others(const DeviceCells c, const Combination x, const double scale, const Big size, const int stride,
           const double *RESTRICT k, double *y)
 {

@@ -60,6 +60,8 @@ PetscErrorCode DeviceFieldsCreate(Flow f, OnDevice o)
   PetscCallMPI(MPI_Comm_size(f->comm, &size));
   d->allowed = (PetscBool)(f->par.rate_axes == 0 && size == 1 && !o->left);
   d->here = d->w_here = PETSC_TRUE;
+  d->nodal            = DeviceNodal(f);
+  d->pressures        = DevicePressures(f);
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(nodal); i++)
     PetscCall(DeviceTake(&o->queue, DeviceNodal(f), NULL, nodal[i]));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(by_cell); i++)
@@ -109,13 +111,13 @@ PetscErrorCode OnDeviceBring(Flow f, PetscBool changed)
 
   PetscFunctionBeginUser;
   if (!d->here) {
-    PetscCall(bring(o, DeviceNodal(f), d->u, f->u));
-    PetscCall(bring(o, DeviceNodal(f), d->u_old, f->u_old));
-    PetscCall(bring(o, DevicePressures(f), d->p, f->p));
-    PetscCall(bring(o, DevicePressures(f), d->p_old, f->p_old));
+    PetscCall(bring(o, d->nodal, d->u, f->u));
+    PetscCall(bring(o, d->nodal, d->u_old, f->u_old));
+    PetscCall(bring(o, d->pressures, d->p, f->p));
+    PetscCall(bring(o, d->pressures, d->p_old, f->p_old));
     d->here = PETSC_TRUE;
   }
-  if (!d->w_here) PetscCall(bring(o, DeviceNodal(f), o->w, f->w));
+  if (!d->w_here) PetscCall(bring(o, d->nodal, o->w, f->w));
   d->w_here = PETSC_TRUE;
   if (changed) d->there = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -17,6 +17,7 @@ typedef struct {
   double   *lumped, *size, *inverse; /* [nnode]; squares of the cells' sizes and of their inverses, [ncell] */
   double   *inverse_volume;          /* [ncell][4] of the constant pressure, else 0 */
   double   *centre;                  /* [ncell][4] middle, from the lower corner of the domain, and size; NULL so far */
+  size_t    nodal, pressures; /* numbers of such arrays: of the cells that they were made for, while the mesh changes */
   PetscReal volume;
 } DeviceFields;
 

@@ -83,6 +83,7 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   PetscReal       *to[3];
 
   PetscFunctionBeginUser;
+  if (f->device) PetscCall(OnDeviceForgetConvection(f)); /* the next step has another */
   PetscCall(FlowBringFields(f));
   was = *f;
   PetscCall(FlowCreateComponents(f));

@@ -1,6 +1,7 @@
 """-device: the kernels of a GPU give the numbers of the processor's own in no more iterations, over ten steps. Here on the processor, by emulation;
 make check-gpu runs the same list on a GPU (TUMBLE_DEVICE=cuda)."""
 import csv
+import json
 import os
 import re
 import subprocess
@@ -56,7 +57,8 @@ def assert_iterations(there, here, more):
 
 
 def forces(row):
-    """Of walls, without the constant of the pressure, which nobody knows: along an axis only that of both sides together"""
+    """Of walls, without the constant of the pressure of a closed box, which is that of a solver's preconditioner (src/device/README.md): along an axis only
+    that of both sides together"""
     normal = {"left": "x", "right": "x", "bottom": "y", "top": "y", "back": "z", "front": "z"}
     out = dict.fromkeys("xyz", 0.0)
     for name, value in row.items():
@@ -75,9 +77,9 @@ def test_same_numbers(run, case):
     assert_iterations(there, here, 2 if case == "fstheta" else 0)  # three solves of 11 and more a step
     assert apart(there, here, ["kinetic_energy"]) <= bound
     assert apart(there, here, ["cfl"]) <= 10 * bound
-    if bound == 1e-10:  # pressures are known a hundred times less than velocities are
+    if bound == 1e-10:
         walls = [[forces(row) for row in rows] for rows in (there, here)]
-        assert apart(*walls, walls[0][0]) <= 1e-8
+        assert apart(*walls, walls[0][0]) <= bound
         assert max(float(a["momentum_error"]) for a in there) < 1e-7
     assert float(there[-1]["kinetic_energy"]) > 1e-3
 
@@ -124,6 +126,42 @@ def test_same_bodies(run, tmp_path, case):
         assert apart(motion, bodies(here), columns) <= 10 * bound
     assert max(float(a["momentum_error"]) for a in flow) < 1e-7
     assert max(abs(float(m["w"])) for m in motion) > 0.05
+
+
+# a ball that leaves its fine cells behind: the mesh is made anew in every second step
+FOLLOWED = """
+mesh: {upper: [1.5, 1.5, 2.5], cells: [3, 3, 5], levels: 2, refine_distance: 1.5, track: true, track_distance: 0.3}
+flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981], solver: balanced}
+particle:
+  groups: ball
+  ball: {shape: circle, radius: 0.2, density: 1.5, position: [0.75, 0.75, 1.7], velocity: [0, 0, -4]}
+sim: {dt: 0.004, steps: 10}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method", ["penalty", "nodal"])
+def test_mesh_follows(run, tmp_path, method):
+    """What lies on a device is made anew for the cells of another mesh: the processor's numbers over five of them. What goes over for a mesh is the fields
+    once back, and there they and what stands on cells (bounds set after 15 and 126 bytes an unknown were seen); what was kept of the old one is freed."""
+    scene = tmp_path / "followed.yaml"
+    scene.write_text(FOLLOWED)
+    common = [scene, *TIGHT, "-couple_method", method, "-output_dir", "out", "-output_overwrite"]
+    there = run([*common, "-device", DEVICE, "-info"])
+    flow, motion = series(there), bodies(there)
+    about = json.loads((there.folder / "out" / "summary.json").read_text())
+    here = run([*common, *VELOCITY, *FGMRES])
+    assert json.loads((here.folder / "out" / "summary.json").read_text())["quantities"]["mesh_changes"] == about["quantities"]["mesh_changes"] >= 5
+    assert_iterations(flow, series(here), 0)
+    assert apart(flow, series(here), ["kinetic_energy"]) <= 1e-10
+    assert apart(motion, bodies(here), "uvw") <= 1e-10
+    assert apart(motion, bodies(here), ["force_x", "force_y", "force_z"]) <= 1e-10
+    steps = [[int(n) for n in step] for step in re.findall(r"device: (\d+) bytes there, (\d+) back in this step; at most (\d+)", there.out)][1:]
+    up, down, held = zip(*steps)
+    assert len(steps) == 9
+    if DEVICE == "emulate":  # which alone counts what is held
+        assert max(down) < min(down) + 20 * about["unknowns"] and max(up) < min(up) + 160 * about["unknowns"], steps
+        assert held[-1] < 1.2 * held[0], steps
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
