@@ -161,6 +161,9 @@ PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const Petsc
    last axis slowest): moment [n][216]; without [n]: bits of slots whose rows and columns are left out. After
    FlowAddCellTerms. Local. */
 PetscErrorCode FlowDescribeCellTerms(Flow, const void *owner, const PetscReal moment[], const PetscInt without[]);
+/* lumped [nnode_all], borrowed: what of the same terms counts as mass for the pressure, complete on all nodes. After
+   FlowAddCellTerms. Local. */
+PetscErrorCode FlowCountCellTerms(Flow, const void *owner, const PetscReal lumped[]);
 /* Force, integrated with the basis, [nnode_all][dim]: contributions of own cells; FlowRhs sums over ranks. Local. */
 PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
 
@@ -340,7 +343,7 @@ PetscErrorCode FlowMarkOperators(Flow, PetscBool marked[]);
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
 /* A += sum of the owners' E; A: an assembled matrix of the same rows. Collective. */
 PetscErrorCode FlowAddOperatorsTo(Flow, Mat A);
-/* Sum of the owners' `lumped` [nnode_all], NULL: there are none. Borrowed. Local. */
+/* Sum of the owners' `lumped` [nnode_all], of operators and terms, NULL: there are none. Borrowed. Local. */
 PetscErrorCode FlowGetOperatorDiagonal(Flow, const PetscReal *diagonal[]);
 /* The i-th owner's terms of continuity; FALSE: there are no more. Borrowed. Local. */
 PetscBool FlowGetVolume(Flow, PetscInt i, const FlowVolume **);

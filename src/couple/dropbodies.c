@@ -16,12 +16,12 @@ static PetscErrorCode close_near(CoupleDrops *f, Couple c, PetscInt k, const Pet
 {
   const MeshLocal *l = c->loc;
   PetscInt         m = 0, cell[SOME];
-  PetscReal        x[2 * SOME], d[SOME];
+  PetscReal        x[3 * SOME], d[SOME];
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e <= n; e++) {
     if (e < n && list[e] < l->nnode && l->centre_cell[list[e]] >= 0) {
-      for (PetscInt a = 0; a < 2; a++) x[2 * m + a] = l->x_start[2 * list[e] + a];
+      for (PetscInt a = 0; a < l->dim; a++) x[l->dim * m + a] = l->x_start[l->dim * list[e] + a];
       cell[m++] = l->centre_cell[list[e]];
     }
     if (m < SOME && e < n) continue;

@@ -39,6 +39,9 @@ PetscErrorCode DropsReadAngles(CoupleDrops *f, Couple c)
 
     PetscCall(OptReal(OptJoin("-particle_", c->s->group[g].name, "_contact_angle", name), &f->angle[g]));
     if (f->angle[g] > 0 && c->s->group[g].count) f->meets = PETSC_TRUE;
+    PetscCheck(c->loc->dim == 2 || !f->meets, c->comm, PETSC_ERR_SUP,
+               "%s: drops wet bodies in the plane only so far: remove it, a film of the fluid around stays between",
+               name);
   }
   PetscCall(OptHas("-monitor_energy", &energy));
   if (f->meets && energy)

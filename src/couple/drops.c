@@ -19,7 +19,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(AlignDestroy(&f->align));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree3(f->cell_drop, f->density, f->viscosity));
-  PetscCall(PetscFree5(f->way, f->corr, f->shift, f->velocity, f->force));
+  PetscCall(PetscFree6(f->way, f->corr, f->shift, f->velocity, f->force, f->weight));
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
   PetscCall(PetscFree(f->outside));
@@ -38,7 +38,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
              "Drops in space on cells of several sizes are not possible yet: remove -mesh_levels, and take smaller cells (-mesh_cells) or "
              "-mesh_focus");
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
-  PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
+  PetscCall(
+    PetscCalloc6(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force, n / c->loc->dim, &f->weight));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
@@ -280,8 +281,6 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscFunctionBeginUser;
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
-  PetscCheck(c->loc->dim == 2 || !c->s->nall, c->comm, PETSC_ERR_SUP,
-             "Drops in space next to rigid particles are not possible yet: give each its own scene");
   PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
              "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
   PetscCheck(!c->s->nall || method == &method_penalty, c->comm, PETSC_ERR_SUP,

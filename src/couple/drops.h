@@ -47,7 +47,8 @@ typedef struct CoupleDrops {
   /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
      of the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
-  PetscReal *force; /* [nnode_all][dim] */
+  PetscReal *force;  /* [nnode_all][dim] */
+  PetscReal *weight; /* [nnode_all] diagonal of the terms */
   PetscInt   nterm, term_capacity, *term_cell;
   PetscReal *term; /* [nterm][nb][nb] */
 } CoupleDrops;

@@ -9,6 +9,7 @@
 #include "fem/gauss.h"
 #include "fem/side.h"
 
+#define MASS     0.2  /* of the diagonal of tension: mass for the pressure */
 #define MIN_EDGE 1e-3 /* of a cell: half the length of the shortest edges that tension knows */
 
 /* u* at node i: the velocity that the prediction used */
@@ -105,6 +106,22 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Tension and friction are a mass on nodes that the pressure has to move with: of their diagonal a part counts as such
+   (runs/studies/drops-space, "Cost") */
+static PetscErrorCode count_terms(CoupleDrops *f, Couple c)
+{
+  const PetscInt nb = c->loc->nb;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(f->weight, c->loc->nnode_all));
+  for (PetscInt t = 0; t < f->nterm; t++)
+    for (PetscInt j = 0; j < nb; j++)
+      f->weight[c->loc->cell_node[f->term_cell[t] * nb + j]] += MASS * f->term[nb * (nb * t + j) + j];
+  PetscCall(MeshSyncNodes(c->mesh, 1, f->weight)); /* own nodes see all their cells */
+  PetscCall(FlowCountCellTerms(c->flow, f, f->weight));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
 {
   PetscReal *u, *u_old;
@@ -115,6 +132,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
   f->nterm = 0;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) PetscCall(add_cell(f, c, e, u, u_old));
   PetscCall(FlowAddCellTerms(c->flow, f, f->nterm, f->term_cell, f->term));
+  PetscCall(count_terms(f, c));
   PetscCall(FlowAddForce(c->flow, f, f->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

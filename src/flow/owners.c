@@ -89,6 +89,16 @@ PetscErrorCode FlowDescribeCellTerms(Flow f, const void *owner, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowCountCellTerms(Flow f, const void *owner, const PetscReal lumped[])
+{
+  Owners        *o  = &f->owners;
+  const PetscInt at = find_owner(o->terms, sizeof(*o->terms), o->nterms, owner);
+
+  PetscFunctionBeginUser;
+  if (at < o->nterms) o->terms[at].lumped = lumped;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
 {
   Owners  *o = &f->owners;
@@ -198,16 +208,20 @@ PetscErrorCode FlowMultiplyOperators(Flow f, Vec x, Vec y)
 
 PetscErrorCode FlowGetOperatorDiagonal(Flow f, const PetscReal *diagonal[])
 {
-  Owners *o = &f->owners;
+  Owners   *o   = &f->owners;
+  PetscBool any = (PetscBool)(o->noperators > 0);
 
   PetscFunctionBeginUser;
   *diagonal = NULL;
-  if (!o->noperators) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < o->nterms; i++) any = (PetscBool)(any || o->terms[i].lumped);
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   if (!o->lumped) PetscCall(PetscMalloc1(f->loc->nnode_all, &o->lumped));
   PetscCall(PetscArrayzero(o->lumped, f->loc->nnode_all));
   for (PetscInt i = 0; i < o->noperators; i++)
     for (PetscInt j = 0; j < f->loc->nnode_all && o->operators[i].is.lumped; j++)
       o->lumped[j] += o->operators[i].is.lumped[j];
+  for (PetscInt i = 0; i < o->nterms; i++)
+    for (PetscInt j = 0; j < f->loc->nnode_all && o->terms[i].lumped; j++) o->lumped[j] += o->terms[i].lumped[j];
   *diagonal = o->lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

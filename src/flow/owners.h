@@ -13,6 +13,7 @@ typedef struct {
   const PetscReal *matrix; /* [n][nb][nb] */
   const PetscReal *moment; /* as FlowDescribeCellTerms had them, or NULL */
   const PetscInt  *without;
+  const PetscReal *lumped; /* FlowCountCellTerms(), or NULL */
 } CellTerms;
 
 typedef struct {
@@ -36,7 +37,7 @@ typedef struct {
   OwnedOperator operators[FLOW_OWNERS];
   OwnedForce    forces[FLOW_OWNERS];
   OwnedVolume   volumes[FLOW_OWNERS];
-  PetscReal    *lumped; /* [nnode_all] sum of the operators', NULL: nobody asked */
+  PetscReal    *lumped; /* [nnode_all] sum of the operators' and the terms', NULL: nobody asked */
   /* owners of what belonged to a mesh that is no more, and who have not spoken since */
   PetscInt    nlost;
   const void *lost[4 * FLOW_OWNERS];
