@@ -51,6 +51,10 @@ PetscErrorCode CoupleSetSolids(Couple, Solids);
 PetscErrorCode CoupleSetDrops(Couple, Drops);
 /* Are flow and bodies solved together (-couple_type implicit)? Local. */
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
+/* At the start of a run, with the bodies where they begin and the flow as it begins: the fluid inside bodies that move
+   freely takes their velocity, but for those that were given the fluid's. Nothing with a method that has no fluid
+   inside. Collective. */
+PetscErrorCode CoupleStartInside(Couple);
 /* Does the mesh line up with surfaces (method aligned)? Local. */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
 /* A film in space that is as wide as a cell or narrower resists like one that is wider by this offset, in cells, with

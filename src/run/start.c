@@ -86,6 +86,15 @@ PetscErrorCode StartRead(Mesh mesh, Flow flow, Bodies bodies)
 
 /* ---- flows that are solved for ---- */
 
+/* Ranks know the bodies that reach into them */
+static PetscErrorCode know_bodies(const SimComponents *p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ContactMigrate(p->contact, 0, NULL));
+  PetscCall(CoupleUpdateLocalBodies(p->couple));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Free of divergence, with the walls and the bodies where and as fast as they are */
 static PetscErrorCode project(const SimComponents *p)
 {
@@ -103,8 +112,6 @@ static PetscErrorCode project(const SimComponents *p)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, p->comm));
   if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
-  PetscCall(ContactMigrate(p->contact, 0, NULL));
-  PetscCall(CoupleUpdateLocalBodies(p->couple));
   PetscCall(CoupleUpdateGeometry(p->couple));
   PetscCall(CoupleSolve(p->couple, &its, &reason));
   PetscCheck(reason > 0, p->comm, PETSC_ERR_NOT_CONVERGED,
@@ -146,16 +153,21 @@ static PetscErrorCode solve_steady(const SimComponents *p)
 PetscErrorCode StartSolve(const SimComponents *p)
 {
   FlowInitial kind;
+  PetscBool   projected;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetInitial(p->flow, &kind, NULL));
-  if (kind != FLOW_START_EXPRESSION && kind != FLOW_START_RUN && kind != FLOW_START_STEADY)
-    PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesSetFixed(p->bodies, PETSC_TRUE));
-  if (kind == FLOW_START_STEADY) PetscCall(solve_steady(p));
-  else PetscCall(project(p));
-  PetscCall(BodiesSetFixed(p->bodies, PETSC_FALSE));
-  PetscCall(BodiesSetTime(p->bodies, 0));
-  PetscCall(CoupleRenewSolver(p->couple)); /* as a restart would: all depends on the fields alone */
+  projected = (PetscBool)(kind == FLOW_START_EXPRESSION || kind == FLOW_START_RUN);
+  PetscCall(know_bodies(p));
+  if (kind != FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple));
+  if (projected || kind == FLOW_START_STEADY) {
+    PetscCall(BodiesSetFixed(p->bodies, PETSC_TRUE));
+    if (projected) PetscCall(project(p));
+    else PetscCall(solve_steady(p));
+    PetscCall(BodiesSetFixed(p->bodies, PETSC_FALSE));
+    PetscCall(BodiesSetTime(p->bodies, 0));
+    PetscCall(CoupleRenewSolver(p->couple)); /* as a restart would: all depends on the fields alone */
+  }
+  if (kind == FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -12,5 +12,6 @@ PetscErrorCode StartRead(Mesh, Flow, Bodies);
 PetscErrorCode StartScalars(Couple);
 /* With the Couple: solve for the steady flow past bodies that are held at rest (prescribed ones move), or take from a
    flow given by an expression or another run what has a divergence, bodies held at their velocities: the implicit step
-   in the limit of no time, M (u - u*) + B^T q = 0, B u = 0. Collective. */
+   in the limit of no time, M (u - u*) + B^T q = 0, B u = 0. In other flows the fluid inside free bodies takes their
+   velocity. Collective. */
 PetscErrorCode StartSolve(const SimComponents *);

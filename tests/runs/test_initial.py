@@ -54,6 +54,22 @@ def test_bodies_start_with_the_fluid(run, scene):
     assert [ellipse["u"], ellipse["v"], ellipse["omega_z"]] == pytest.approx([-0.1, 0, -0.8], abs=2e-3)
 
 
+def test_bodies_start_with_their_velocity(run, scene):
+    """A disc as heavy as the fluid, given a velocity: it keeps half of it, since its added mass is its own, and its spin, less what fluid in the cells
+    at its surface takes; with any boundary method, and in fluid that moves by velocities beside its own. (Before it had the fluid's.)"""
+    text = """\
+mesh: {cells: [32, 32], lower: [0, 0], upper: [4, 4], periodic: [x, y]}
+flow: {density: 1, viscosity: 1e-4, ksp_rtol: 1e-8}
+particle: {groups: disc, disc: {shape: circle, radius: 0.5, density: 1, position: [3.93, 2.01], velocity: [-1, 0], angular_velocity: 0.5}}
+sim: {dt: 0.001, steps: 1}
+"""
+    moves = ["-flow_initial", "uniform", "-flow_velocity", "2,0", "-particle_disc_velocity", "1,0"]
+    for method, more in (("aligned", []), ("penalty", []), ("nodal", []), ("penalty", moves)):
+        disc, = rows(run([scene(text), "-couple_method", method, *more, "-output_overwrite"]), "bodies.csv")
+        assert [disc["u"] - 2 * bool(more), disc["v"]] == pytest.approx([-0.5, 0], abs=0.015), f"{method} {more}"
+        assert 0.41 < disc["omega_z"] < 0.5
+
+
 def test_expression_does_not_kick(run, scene):
     """A formula that no flow past the disc obeys is made free of divergence: the first force is not that of an impulse."""
     first, second, _ = (row["force_x"] for row in rows(run([scene(DISC)]), "bodies.csv"))

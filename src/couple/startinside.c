@@ -1,0 +1,101 @@
+/* Couple: the fluid inside bodies that begin to move freely, at the start of a run.
+
+   The fluid inside a body counts as a part of it: the rows of the body have the inertia in excess of the fluid's. So
+   it has to begin with the body's velocity, or a body as heavy as the fluid begins with that of the fluid, whatever
+   velocity it was given. Node i takes
+
+     u_i += (int_k phi_i / int phi_i) (R_k(x_i) U_k - u_i)
+
+   of body k, the fraction of its mass that lies in the body: the momentum that comes in is that of the fluid in the
+   true shape, since the sum of phi_i (R U - u)_i is R U - u in the element space. */
+#include "compat.h"
+#include "impl.h"
+#include "cutcells.h"
+
+#define SAMPLES 10 /* of a cell that a surface cuts, an axis: of the penalty of bodies that move */
+
+/* Does the fluid inside body k begin as it is? still: the flow is */
+static PetscBool begins_as_fluid(Couple c, PetscInt k, PetscBool still)
+{
+  const BodyGroup *g = BodiesGetGroup(c->s, k);
+
+  for (PetscInt i = 0; i < c->nr && still; i++) {
+    PetscReal now, old;
+
+    CoupleGetHistory(c, k, i, &now, &old);
+    still = (PetscBool)(now == 0);
+  }
+  return (PetscBool)(still || !g->free || g->with_fluid || c->s->removed[k]);
+}
+
+/* u [nnode_all][dim] += that of one part of a cell at its own nodes, by before, the velocity of the fluid */
+static PetscErrorCode take_part(Couple c, CutCells cells, const CutCell *cut, const PetscReal mass[],
+                                const PetscReal before[], PetscReal u[])
+{
+  const MeshLocal *l  = c->loc;
+  const PetscInt   nb = l->nb, dim = l->dim, *node = l->cell_node + cut->cell * nb;
+  PetscReal        part[MESH_MAX_NB * MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(CutCellsGetMatrix(cells, cut, 1, part));
+  for (PetscInt j = 0; j < nb; j++) {
+    const PetscInt i        = node[j];
+    PetscReal      fraction = 0, R[18];
+
+    if (i >= l->nnode) continue;
+    for (PetscInt m = 0; m < nb; m++) fraction += part[j * nb + m] / mass[i];
+    ConstraintRigidAt(l, i, cut->P, R);
+    for (PetscInt a = 0; a < dim; a++) {
+      PetscReal change = -before[i * dim + a], now, old;
+
+      for (PetscInt m = 0; m < c->nr; m++) {
+        CoupleGetHistory(c, cut->body, m, &now, &old);
+        change += R[a * c->nr + m] * now;
+      }
+      u[i * dim + a] += fraction * change;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleStartInside(Couple c)
+{
+  const MeshLocal *l   = c->loc;
+  PetscBool        any = PETSC_FALSE, still = PETSC_TRUE, *omit;
+  CutCells         cells;
+  const CutCell   *cut;
+  const PetscReal *mass;
+  PetscReal       *before, *u, arm[3];
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall || c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
+  for (PetscInt i = 0; i < l->nnode * l->dim && still; i++) still = (PetscBool)(before[i] == 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &still, 1, MPIU_BOOL, MPI_LAND, c->comm));
+  PetscCall(PetscMalloc1(c->s->n, &omit));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    omit[k] = begins_as_fluid(c, k, still);
+    any     = (PetscBool)(any || !omit[k]);
+    PetscCall(PetscArraycpy(c->rigid.X[k], c->s->x[k], 3));
+    PetscCall(PetscArraycpy(c->rigid.q[k], c->s->q[k], 4));
+    PetscCall(BodiesGetArm(c->bodies, k, c->s->q[k], arm));
+    for (PetscInt a = 0; a < 3; a++) c->rigid.P[k][a] = c->s->x[k][a] - arm[a];
+  }
+  PetscCall(BodiesAny(c->bodies, &any));
+  if (any) {
+    PetscCall(FlowGetLumpedMass(c->flow, &mass));
+    PetscCall(PetscMalloc1(l->nnode_all * l->dim, &u));
+    PetscCall(PetscArraycpy(u, before, l->nnode_all * l->dim));
+    PetscCall(CutCellsCreate(c->flow, c->bodies, SAMPLES, &cells));
+    PetscCall(CutCellsCut(cells, c->rigid.X, c->rigid.q, c->rigid.P, omit));
+    PetscCall(CutCellsGet(cells, &n, &cut));
+    for (PetscInt i = 0; i < n; i++) PetscCall(take_part(c, cells, cut + i, mass, before, u));
+    PetscCall(CutCellsDestroy(&cells));
+    PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
+    PetscCall(FlowStartFrom(c->flow, u, NULL));
+    PetscCall(PetscFree(u));
+  }
+  PetscCall(PetscFree(omit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
