@@ -78,6 +78,7 @@ typedef struct {
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
   Packing   pack;
   PetscReal largest;     /* size of the largest body, 1 without bodies */
+  PetscBool grows;       /* its bodies change their size in time (BodiesResize) */
   PetscBool body_fitted; /* the body is a hole of the mesh (fitted.h): nothing is drawn */
   char      surface[64]; /* of a hole: name of the boundary that is its surface */
   PetscBool everywhere;  /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
@@ -94,7 +95,7 @@ typedef struct {
      own                         [n]      does this rank own it? Sums over all bodies count these alone
      group                       [ngroups]
      body_group                  [n]      the group of body k is group[body_group[k]]: BodiesGetGroup
-     scale, density              [n]      size relative to the shape of its group; rho_s
+     scale, density              [n]      size relative to the shape of its group (BodiesResize); rho_s
      x, u, w                     [n][3]   centre of mass, its velocity, angular velocity in rad/time, all in space axes
      u_old, w_old                [n][3]   velocities one step earlier
      q, q_old                    [n][4]   orientation, unit quaternion; one step earlier
@@ -253,8 +254,8 @@ PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const P
 PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
 /* As BodiesFastestPoint, with velocity u of the centre and angular velocity w. Local. */
 PetscReal BodiesPointSpeed(BodyState *, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
-/* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update.
-   Collective. */
+/* Is no degree of freedom free, none moved by _motion, every velocity 0, and no size changes? Then positions need no
+   update. Collective. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
 
 /* ---- one step: couple (contact for bodies without a flow) ---- */
@@ -288,6 +289,11 @@ PetscErrorCode BodiesGetResistance(Bodies, PetscInt k, PetscReal time, PetscReal
 /* Removes from velocities of body k what its hinge or slide forbids: w keeps its component along the hinge, u that
    along the slide; either may be NULL. Local. */
 void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
+/* Bodies of groups that grow have the sizes scale [n] from now on, relative to the shapes of their groups; others keep
+   theirs. All ranks that know a body give it the same. Collective. */
+PetscErrorCode BodiesResize(Bodies, const PetscReal scale[]);
+/* Body k is gone and takes part in nothing any more. Local. */
+PetscErrorCode BodiesRemove(Bodies, PetscInt k);
 /* Sets the time of the state. Local. */
 PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 /* Arrays of the state to be filled: *force, *torque [n][3]. Borrowed. Local. */

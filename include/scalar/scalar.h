@@ -48,6 +48,7 @@ typedef struct {
   PetscInt         n, cell;
   const PetscReal *capacity, *conductivity, *reaction, *source; /* [n^dim] */
   PetscInt         lump; /* of ScalarLumps: the reaction is towards its value, r (T - value); -1: towards 0 */
+  PetscInt         body; /* whose surface cuts the cell: ScalarsMeasureBodies */
 } ScalarSamples;
 
 /* What cells are made of, borrowed until the next call; NULL arrays: the fluid alone */
@@ -74,6 +75,7 @@ enum {
 typedef struct {
   const PetscBool *fixed;
   const PetscReal *value;
+  const PetscInt  *body; /* whose they are, where they are fixed: ScalarsMeasureBodies */
 } ScalarNodes;
 
 /* Bodies with one value each, unknowns of the system: capacity (c_t T - d(T)) = source + what its nodes and samples
@@ -102,6 +104,7 @@ typedef struct {
   PetscInt             cell, side;
   PetscReal            q, h;
   const ScalarSurface *surface; /* says q; NULL: the number */
+  PetscInt             body;    /* whose surface it is: ScalarsMeasureBodies */
 } ScalarSide;
 
 /* Of a step; heat a time, positive into the domain; sums of all ranks */
@@ -172,6 +175,9 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars, PetscInt s, PetscReal density, const 
                                   const PetscReal fluid[], PetscReal force[]);
 /* Balance of the step solved, and the heat a time that each boundary [nboundary] lets in. Collective. */
 PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[]);
+/* flux [bodies] += heat a time that bodies let into the fluid in the step solved: through their fixed nodes, by sources
+   and reactions of samples, through ScalarSides. Of this rank's cells. Local. */
+PetscErrorCode ScalarsMeasureBodies(Scalars, PetscInt s, PetscReal flux[]);
 /* Over local cell c in the step solved, with capacities in excess of the fluid's, c' (of a cell that is no part of the
    problem: minus the fluid's): what bodies bring into the balance. */
 typedef struct {

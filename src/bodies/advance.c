@@ -229,13 +229,33 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesResize(Bodies b, const PetscReal scale[])
+{
+  BodyArrays *s = &b->state;
+  PetscReal   largest[BODIES_MAX_GROUPS];
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) largest[g] = s->group[g].largest;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscInt g = s->body_group[k];
+
+    if (!s->group[g].grows || s->removed[k]) continue;
+    s->scale[k] = scale[k];
+    largest[g]  = PetscMax(largest[g], scale[k]);
+  }
+  PetscCall(BodiesMax(b, s->ngroups, largest));
+  for (PetscInt g = 0; g < s->ngroups; g++) s->group[g].largest = largest[g];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
 {
   const BodyArrays *s     = &b->state;
   PetscBool         moves = (PetscBool)(s->travels && s->nall);
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < s->ngroups; g++) moves = (PetscBool)(moves || s->group[g].free || s->group[g].motion.given);
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    moves = (PetscBool)(moves || s->group[g].free || s->group[g].motion.given || s->group[g].grows);
   if (!moves) { /* all ranks have come here */
     for (PetscInt i = 0; i < 3 * s->n && !moves; i++)
       moves = (PetscBool)(s->u[i / 3][i % 3] != 0 || s->w[i / 3][i % 3] != 0);

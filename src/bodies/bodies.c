@@ -413,7 +413,8 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sizes come from the options, and must be those of the file; files of before sizes have none */
+/* Sizes come from the options, and must be those of the file, unless they change in time; files of before sizes have
+   none */
 static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
 {
   const BodyArrays *s = &b->state;
@@ -426,6 +427,7 @@ static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
   PetscCall(PetscMalloc1(s->n, &scale));
   PetscCall(PetscArraycpy(scale, s->scale, s->n));
   PetscCall(BodiesVisitReals(b, rows, state, "scale", 1, scale));
+  PetscCall(BodiesResize(b, scale));
   for (PetscInt k = 0; k < s->n; k++)
     PetscCheck(PetscAbsReal(scale[k] - s->scale[k]) <= 1e-9 * scale[k], RunComm(), PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT

@@ -15,6 +15,7 @@
 #include "shape/material.h"
 
 #define MAX_COUNT 10000000 /* bodies that a fraction may ask for */
+#define BETWEEN   ", []"   /* names of a list, as files and arguments have them */
 
 /* What the options of a group say about the start of its bodies. */
 typedef struct {
@@ -427,12 +428,31 @@ static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Do its bodies change their size, by -particle_<g>_<scalar>_dissolves (couple/scalargrowth.h)? What depends on it is
+   made before what the flow carries is. */
+static PetscErrorCode find_growth(BodyGroup *g)
+{
+  char      list[1024], name[OPT_NAME], *scalar, *rest;
+  PetscReal factor = 0;
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-scalars", list, sizeof(list)));
+  for (scalar = strtok_r(list, BETWEEN, &rest); scalar; scalar = strtok_r(NULL, BETWEEN, &rest)) {
+    (void)snprintf(name, sizeof(name), "-particle_%s_%s_dissolves", g->name, scalar);
+    PetscCall(OptPeekReal(name, &factor, &given));
+    if (given && factor != 0) g->grows = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* All about one group but its place among the others. */
 static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodySubdomains *subdomains, const PetscReal lower[3],
                                  const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
   PetscCall(read_shape(g, dim, s));
+  PetscCall(find_growth(g));
   s->count = 1;
   PetscCall(PetscArraycpy(s->lower, lower, 3));
   PetscCall(PetscArraycpy(s->upper, upper, 3));

@@ -103,12 +103,7 @@ static PetscErrorCode remove_through(BodiesOutflow b, PetscInt k, PetscInt bound
              BodiesIndexInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2],
              (double)b->lower[0], (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1],
              (double)b->upper[2], name);
-  b->s->removed[k] = PETSC_TRUE;
-  b->s->gap[k]     = PETSC_MAX_REAL;
-  for (PetscInt a = 0; a < 3; a++) {
-    b->s->u[k][a] = b->s->w[k][a] = b->s->u_old[k][a] = b->s->w_old[k][a] = 0;
-    b->s->contact_force[k][a] = b->s->contact_torque[k][a] = 0;
-  }
+  PetscCall(BodiesRemove(b->bodies, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

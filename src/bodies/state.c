@@ -64,6 +64,21 @@ PetscErrorCode BodiesSetFixed(Bodies b, PetscBool fixed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesRemove(Bodies b, PetscInt k)
+{
+  BodyArrays *s = &b->state;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  s->removed[k] = PETSC_TRUE;
+  s->gap[k]     = PETSC_MAX_REAL;
+  for (PetscInt a = 0; a < 3; a++) {
+    s->u[k][a] = s->w[k][a] = s->u_old[k][a] = s->w_old[k][a] = 0;
+    s->contact_force[k][a] = s->contact_torque[k][a] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static void keep_along(const PetscReal e[3], PetscReal v[3])
 {
   const PetscReal along = dot3(e, v);

@@ -213,6 +213,20 @@ static PetscErrorCode migrate_bodies(Contact c, PetscReal range)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where all ranks know all: bodies that grow are other ones, and the list of pairs goes by their sizes */
+static PetscErrorCode update_sizes(Contact c)
+{
+  PetscBool grow = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) grow = (PetscBool)(grow || c->s->group[g].grows);
+  if (!grow) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->list.remembers && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
+  PetscCall(ContactUpdateLocalBodies(c));
+  c->list.valid = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
 {
   const BodyArrays *s            = c->s;
@@ -220,7 +234,10 @@ PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
   PetscReal         displacement = 0;
 
   PetscFunctionBeginUser;
-  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) {
+    PetscCall(update_sizes(c));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal speed = PetscSqrtReal(PetscMax(dot3(s->u[k], s->u[k]), dot3(s->u_old[k], s->u_old[k])));
 

@@ -16,12 +16,12 @@ struct _n_AlignDriverKept {
   Mesh       mesh; /* NULL until it arrives */
   Remap      remap;
   PetscInt   n, done;
-  PetscBool *aligned;           /* [n] */
-  PetscInt  *waits;             /* [n] */
-  PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
-  PetscInt  *inactive, *side;   /* [ncell_all] of that mesh */
-  PetscReal *near;              /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
-  PetscReal (*X)[3], (*q)[4];   /* [n] */
+  PetscBool *aligned;                /* [n] */
+  PetscInt  *waits;                  /* [n] */
+  PetscReal *field[MAX_FIELDS];      /* [nnode_all][dim] of that mesh */
+  PetscInt  *inactive, *side;        /* [ncell_all] of that mesh */
+  PetscReal *near;                   /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
+  PetscReal (*X)[3], (*q)[4], *size; /* [n] */
 };
 
 struct _p_AlignDriver {
@@ -36,9 +36,9 @@ struct _p_AlignDriver {
   Bodies           bodies;
   PetscBool       *wanted, *aligned, *before; /* [n] of the state */
   PetscInt        *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
-  PetscReal (*X)[3], (*q)[4];                 /* [n] where they were in the last fit */
+  PetscReal (*X)[3], (*q)[4], *size;          /* [n] where and how large they were in the last fit */
   PetscReal (*displacement)[3],
-    (*rotation)[9]; /* [n] from there to where they are now, and from axes now to axes then */
+    (*rotation)[9]; /* [n] from there to where they are now, and from points now to points then */
   PetscInt    done; /* has there been one? */
   AlignResult result;
   RemapCount  count;
@@ -179,7 +179,7 @@ static PetscErrorCode destroy_kept(AlignDriverKept **left)
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
   PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree6(s->aligned, s->waits, s->inactive, s->side, s->X, s->q));
+  PetscCall(PetscFree7(s->aligned, s->waits, s->inactive, s->side, s->X, s->q, s->size));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -290,6 +290,7 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_updat
   PetscCall(BodiesAttach(bodies, sizeof(*f->waits), (void **)&f->waits));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->size), (void **)&f->size));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->wanted), (void **)&f->wanted));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->before), (void **)&f->before));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->displacement), (void **)&f->displacement));
@@ -300,10 +301,10 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_updat
 
 PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 {
-  AlignDriver  f = *driver;
-  void **const array[] =
-    {(void **)&f->aligned, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
-     (void **)&f->before,  (void **)&f->displacement, (void **)&f->rotation};
+  AlignDriver  f       = *driver;
+  void **const array[] = {(void **)&f->aligned, (void **)&f->waits,        (void **)&f->X,
+                          (void **)&f->q,       (void **)&f->size,         (void **)&f->wanted,
+                          (void **)&f->before,  (void **)&f->displacement, (void **)&f->rotation};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
@@ -333,18 +334,19 @@ static void count_down(AlignDriver f)
   }
 }
 
-/* Bodies are at X, q now: the motion since the last fit */
+/* Bodies are at X, q now, of the sizes that they have: the motion since the last fit */
 static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->state->n; k++) {
-    PetscReal now[9], then[9];
+    const PetscReal shrunk = f->size[k] / f->state->scale[k];
+    PetscReal       now[9], then[9];
 
     RotationMatrix(q[k], now);
     RotationMatrix(f->q[k], then);
     for (PetscInt a = 0; a < 3; a++) {
       f->displacement[k][a] = X[k][a] -
                               (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
-      for (PetscInt b = 0; b < 3; b++) f->rotation[k][3 * a + b] = dot3(then + 3 * a, now + 3 * b);
+      for (PetscInt b = 0; b < 3; b++) f->rotation[k][3 * a + b] = shrunk * dot3(then + 3 * a, now + 3 * b);
     }
   }
 }
@@ -369,6 +371,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
+  PetscCall(PetscArraycpy(f->size, f->state->scale, n));
   f->done      = 1;
   f->targets.n = f->npoint = 0;
   f->count                 = (RemapCount){0, 0, 0, 0};
@@ -394,8 +397,9 @@ PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(
-    PetscMalloc6(n, &s->aligned, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+  PetscCall(PetscMalloc7(n, &s->aligned, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n,
+                         &s->q, n, &s->size));
+  PetscCall(PetscArraycpy(s->size, f->size, n));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
@@ -446,6 +450,7 @@ PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mes
   f->done            = f->kept_mesh->done;
   PetscCall(PetscArraycpy(f->aligned, f->kept_mesh->aligned, n));
   PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, n));
+  PetscCall(PetscArraycpy(f->size, f->kept_mesh->size, n));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->kept_mesh->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->kept_mesh->q, 4 * n));
   PetscCall(RemapCreate(f->kept_mesh->mesh, &f->kept_mesh->remap));
@@ -491,6 +496,7 @@ PetscErrorCode AlignDriverVisitState(AlignDriver f, State state)
   }
   PetscCall(PetscFree(aligned));
   PetscCall(BodiesEndRows(&rows));
+  if (StateIsLoading(state)) PetscCall(PetscArraycpy(f->size, f->state->scale, n)); /* those of the last step */
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,7 +26,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[
 PetscErrorCode AlignDriverSetPoints(AlignDriver, PetscInt n, const PetscReal x[]);
 /* Others with fields on nodes that move: called in every update but the first, before nodes move, with the new fit, and
    how bodies have moved since the last one: displacement [nbodies][3], rotation [nbodies][9] from axes now to axes
-   then; before: were they aligned then? Collective. Borrowed. */
+   then, times the size then over that now; before: were they aligned then? Collective. Borrowed. */
 typedef struct _n_AlignMotion {
   const AlignResult *result;
   const PetscReal (*displacement)[3], (*rotation)[9];

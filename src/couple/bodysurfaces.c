@@ -169,8 +169,6 @@ PetscErrorCode BodySurfacesCreate(Bodies bodies, BodySurfaces *surfaces)
                              .sum      = spread ? sum : NULL,
                              .max      = spread ? max : NULL};
   PetscCall(PetscCalloc2(b->s->ngroups, &b->line, b->s->ngroups, &b->asked));
-  for (PetscInt g = 0; g < b->s->ngroups; g++)
-    b->table.largest = PetscMax(b->table.largest, b->s->group[g].radius * b->s->group[g].largest);
   *surfaces = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -202,6 +200,8 @@ PetscErrorCode BodySurfacesSet(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)
     b->round[k]  = BodiesGetDisc(b->s, k);
     PetscCall(BodiesGetVolume(b->bodies, k, &b->volume[k]));
   }
+  for (PetscInt g = 0; g < b->s->ngroups; g++) /* those that grow have become larger */
+    b->table.largest = PetscMax(b->table.largest, b->s->group[g].radius * b->s->group[g].largest);
   b->X            = X;
   b->q            = q;
   b->table.n      = n;

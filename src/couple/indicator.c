@@ -5,6 +5,7 @@
 #include "bodies/local.h"
 
 #define CHUNK      256
+#define SEEN       9    /* numbers of a body by which it is where it was */
 #define ON_SURFACE 1e-9 /* of a cell, distance of a node that counts as inside, whatever the last bit of its place */
 
 struct _p_Indicator {
@@ -14,7 +15,7 @@ struct _p_Indicator {
   const MeshLocal *loc;
   PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
   PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
-  PetscReal       *seen, key;                /* [nbodies][8]: place, orientation, gone; key: NaN without */
+  PetscReal       *seen, key; /* [nbodies][SEEN]: position, orientation, size, removed; key: NaN without */
 };
 
 PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *indicator)
@@ -31,7 +32,7 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *indicator)
                          m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
-  PetscCall(BodiesAttach(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
+  PetscCall(BodiesAttach(bodies, SEEN * sizeof(PetscReal), (void **)&m->seen));
   PetscCall(IndicatorInvalidate(m));
   *indicator = m;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -59,9 +60,9 @@ PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)
   PetscBool other = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 8 * m->s->n; i++) {
-    const PetscInt  k = i / 8, a = i % 8;
-    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->removed[k];
+  for (PetscInt i = 0; i < SEEN * m->s->n; i++) {
+    const PetscInt  k = i / SEEN, a = i % SEEN;
+    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : a == 7 ? m->s->scale[k] : m->s->removed[k];
 
     if (m->seen[i] != now) other = PETSC_TRUE;
     m->seen[i] = now;

@@ -57,6 +57,13 @@ static const OptSpec SPECS[] = {
   {"-particle_<group_scalar>_expansion", OPT_REAL, "1/scalar", OPT_ANY, "0",
    .help = "the body weighs less by this part of its density for each unit above the reference; mass and size stay",
    .when = "-particle_<group_scalar>_condition conjugate, value or lumped", .also = "beta, thermal_expansion"},
+  {"-particle_<group_scalar>_dissolves", OPT_REAL, "length^dim/amount", OPT_ANY, "0",
+   .help =
+     "volume by which the body shrinks for each amount (energy) of the scalar that its surface lets into the fluid: "
+     "1/(content - value) for a content by volume; melting by heat that it takes: -1/(latent heat by volume). Below "
+     "the size of a cell it is removed",
+   .when = "-particle_<group_scalar>_condition value, flux or transfer", .also = "melts, shrinks, grows, stefan",
+   .find = "dissolve, dissolution, melting, growth"},
   {"-particle_<group_scalar>_reference", OPT_REAL, "scalar", OPT_ANY, "the scalar's",
    .help = "value at which it weighs what its density says", .when = "-particle_<group_scalar>_expansion"},
   {"-particle_<group_scalar>_initial", OPT_REAL, "scalar", OPT_ANY, "the scalar's", .help = "its value at the start",

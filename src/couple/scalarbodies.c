@@ -4,6 +4,7 @@
 #include "scalarbodies.h"
 #include "scalarcarry.h"
 #include "scalarcover.h"
+#include "scalargrowth.h"
 #include "scalarheat.h"
 #include "scalarlumps.h"
 #include "scalarmaterial.h"
@@ -13,7 +14,6 @@
 #include "scalarweight.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
-#define SMOOTH  1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
 #define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
 #define FAR     0.2  /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
 
@@ -29,6 +29,7 @@ struct _p_ScalarBodies {
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
   ScalarWeight weight;
+  ScalarGrowth growth;
   BodyLumps    lumps;   /* NULL: no body has one value */
   PetscReal   *fluid;   /* [ncell_all] NULL: all is */
   PetscReal   *outside; /* [cover.ndistance] part of a sub-cell outside */
@@ -39,6 +40,7 @@ struct _p_ScalarBodies {
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
     PetscInt      *lump;                             /* [nnode_all] body with one value, -1 */
+    PetscInt      *body;                             /* [nnode_all] whose fixed node it is */
     ScalarSide    *side;                             /* on surfaces that the mesh is lined up with, */
     ScalarSurface *surface;                          /* [nbodies] with fluxes by expressions */
     ScalarSamples *samples;
@@ -93,6 +95,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
   }
   PetscCall(BodyLumpsCreate(c, s->n, s->material, &s->lumps));
   PetscCall(ScalarWeightCreate(c, s->n, s->material, &s->weight));
+  PetscCall(ScalarGrowthCreate(c, s->n, s->material, &s->growth));
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -101,7 +104,7 @@ static PetscErrorCode free_data(struct CellData *d)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree6(d->capacity, d->conductivity, d->source, d->sample, d->counts, d->fluid));
-  PetscCall(PetscFree3(d->fixed, d->value, d->lump));
+  PetscCall(PetscFree4(d->fixed, d->value, d->lump, d->body));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->side));
   PetscCall(PetscFree(d->surface));
@@ -133,6 +136,7 @@ PetscErrorCode ScalarBodiesDestroy(Couple c, ScalarBodies *bodies)
   PetscCall(ScalarHeatDestroy(c, &s->heat));
   PetscCall(BodyLumpsDestroy(c, &s->lumps));
   PetscCall(ScalarWeightDestroy(c, &s->weight));
+  PetscCall(ScalarGrowthDestroy(c, &s->growth));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->room));
   for (PetscInt i = 0; i < s->n * c->s->ngroups; i++) PetscCall(ScalarMaterialForget(s->material + i));
   PetscCall(PetscFree(s->material));
@@ -169,12 +173,12 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
 
     PetscCall(PetscMalloc6(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts, nc,
                            &d->fluid));
-    PetscCall(PetscMalloc3(nn, &d->fixed, nn, &d->value, nn, &d->lump));
+    PetscCall(PetscMalloc4(nn, &d->fixed, nn, &d->value, nn, &d->lump, nn, &d->body));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volumes of bodies in their cells, with the sub-cells of the samples; after find_outside */
+/* Volumes of bodies in their cells, with the sub-cells of the samples; after ScalarCoverOutside */
 static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
 {
   const PetscInt   n = s->cover.nsample;
@@ -210,26 +214,6 @@ static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k
   return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
 }
 
-/* Conductivity of a sample at the distance d, of which chi lies inside. A function without a kink is too stiff where a
-   body conducts better than the fluid: as if it were larger. There both conduct in series over a zone around the
-   surface, wider as they differ more, which sets the dipole right (runs/studies/scalars); what conducts worse than the
-   fluid is taken as it lies. */
-static PetscReal get_conductivity(PetscReal inside, PetscReal fluid, PetscReal chi, PetscReal d, PetscReal size)
-{
-  PetscReal zone, deep;
-
-  if (inside <= fluid || fluid == 0) return chi * inside + (1 - chi) * fluid;
-  zone = PetscMin(0.5 * PetscLog10Real(inside / fluid), SMOOTH);
-  deep = ScalarCoverPart(d, zone * size);
-  return 1 / (deep / inside + (1 - deep) / fluid);
-}
-
-/* Have its nodes its value? */
-static PetscBool has_value(const ScalarMaterial *m)
-{
-  return (PetscBool)(m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_LUMPED);
-}
-
 /* Samples of a cut cell; pool has room for 4 count numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
                         const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
@@ -251,15 +235,15 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                     : m->condition == SCALAR_BODY_VALUE ? par->capacity
                                                             : left * par->capacity;
     conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE
-                      ? get_conductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
-                    : has_value(m) ? par->conductivity
-                                   : left * par->conductivity;
-    reaction[p]     = has_value(m) ? sigma : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer : 0;
-    source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
-                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
-                    : m->condition == SCALAR_BODY_LUMPED   ? 0
-                                                           : chi * m->source;
+                      ? ScalarMaterialConductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
+                    : ScalarMaterialHasValue(m) ? par->conductivity
+                                                : left * par->conductivity;
+    reaction[p] = ScalarMaterialHasValue(m) ? sigma : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer : 0;
+    source[p]   = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
+                : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
+                : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
+                : m->condition == SCALAR_BODY_LUMPED   ? 0
+                                                       : chi * m->source;
   }
   *out = (ScalarSamples){s->cover.nsample,
                          at->cell,
@@ -267,7 +251,8 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                          conductivity,
                          reaction,
                          source,
-                         m->condition == SCALAR_BODY_LUMPED ? at->body : -1};
+                         m->condition == SCALAR_BODY_LUMPED ? at->body : -1,
+                         at->body};
 }
 
 /* Of a cell inside as a whole */
@@ -284,6 +269,7 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_VALUE; j++) {
     d->fixed[node[j]] = PETSC_TRUE;
     d->value[node[j]] = m->value;
+    d->body[node[j]]  = at->body;
   }
 }
 
@@ -291,24 +277,6 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
 static PetscBool keeps_heat(const ScalarMaterial *m)
 {
   return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE);
-}
-
-/* Parts of the sub-cells of cut cells outside of bodies, as distances of the cover have them */
-static PetscErrorCode find_outside(ScalarBodies s, Couple c)
-{
-  const PetscReal *size;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetCellSize(c->flow, &size));
-  PetscCall(PetscRealloc(PetscMax(1, (size_t)s->cover.ndistance) * sizeof(PetscReal), &s->outside));
-  for (PetscInt e = 0; e < s->cover.n; e++) {
-    const CoveredCell *at = s->cover.covered + e;
-
-    for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++)
-      s->outside[at->distance + p] = 1 - ScalarCoverPart(s->cover.distance[at->distance + p],
-                                                         size[at->cell] / s->cover.nsample);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Method nodal: nodes inside have the value, and cells around them are fluid */
@@ -327,6 +295,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
     if (m->condition != SCALAR_BODY_VALUE) continue;
     d->fixed[node[e]] = PETSC_TRUE;
     d->value[node[e]] = m->value;
+    d->body[node[e]]  = body[node[e]];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -338,7 +307,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
   struct CellData        *d = s->data + i;
   PetscInt                n = 0;
   ScalarCells             cells;
-  ScalarNodes             nodes = {d->fixed, d->value};
+  ScalarNodes             nodes = {d->fixed, d->value, d->body};
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsGetParameters(scalars, i, &par));
@@ -362,9 +331,9 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     const PetscReal       scale = get_scale(s, c, at->body, i, m);
 
     if (at->first && !keeps_heat(m)) d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
-    if (s->nodal && has_value(m)) continue;
+    if (s->nodal && ScalarMaterialHasValue(m)) continue;
     if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
-    if (at->distance < 0 && (at->first || has_value(m))) set_inside(c, at, m, par, scale, d);
+    if (at->distance < 0 && (at->first || ScalarMaterialHasValue(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
       set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
@@ -382,12 +351,12 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
 /* Flux and exchange through surfaces that the mesh is lined up with */
 static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
 {
-  PetscInt    n, *body;
+  PetscInt    n;
   ScalarSide *side;
 
   PetscFunctionBeginUser;
   if (!s->on_sides) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarSidesFind(c, &n, &body, &side));
+  PetscCall(ScalarSidesFind(c, &n, &side));
   for (PetscInt i = 0; i < s->n; i++) {
     struct CellData *d    = s->data + i;
     PetscInt         kept = 0;
@@ -397,18 +366,17 @@ static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
     for (PetscInt k = 0; k < c->s->n; k++)
       ScalarMaterialSurface(c, s->material + c->s->body_group[k] * s->n + i, k, d->surface + k);
     for (PetscInt e = 0; e < n; e++) {
-      const ScalarMaterial *m = s->material + c->s->body_group[body[e]] * s->n + i;
+      const ScalarMaterial *m = s->material + c->s->body_group[side[e].body] * s->n + i;
 
       if (!ScalarMaterialIsSurface(m)) continue;
       d->side[kept]   = side[e];
       d->side[kept].q = m->condition == SCALAR_BODY_FLUX ? m->flux : m->transfer * m->value;
       d->side[kept].h = m->condition == SCALAR_BODY_FLUX ? 0 : m->transfer;
-      if (m->flux_of) d->side[kept].surface = d->surface + body[e];
+      if (m->flux_of) d->side[kept].surface = d->surface + side[e].body;
       kept++;
     }
     PetscCall(ScalarsSetSides(scalars, i, kept, d->side));
   }
-  PetscCall(PetscFree(body));
   PetscCall(PetscFree(side));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -426,7 +394,7 @@ static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const
 
     s->fluid[at->cell] = PetscMax(0, s->fluid[at->cell] - at->inside);
   }
-  PetscCall(find_outside(s, c));
+  PetscCall(ScalarCoverOutside(&s->cover, c, &s->outside));
   if (s->moves) PetscCall(measure_room(s, c, scalars));
   for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
   PetscCall(set_sides(s, c, scalars));
@@ -456,6 +424,7 @@ PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars, Pets
 {
   PetscFunctionBeginUser;
   if (s) PetscCall(ScalarWeightBegin(&s->weight, c, extrapolation));
+  if (s && c->step->dt > 0) PetscCall(ScalarGrowthBegin(&s->growth, c));
   if (s && s->carries && !s->carry) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -492,7 +461,7 @@ static PetscErrorCode start_values(ScalarBodies s, Couple c, Scalars scalars, Pe
   for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
     const ScalarMaterial *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
 
-    if (m && has_value(m)) T[0][k] = m->initial;
+    if (m && ScalarMaterialHasValue(m)) T[0][k] = m->initial;
     T[1][k] = T[2][k] = T[0][k];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -551,30 +520,46 @@ static PetscErrorCode give_back(ScalarBodies s, Couple c, Scalars scalars, Petsc
 
 PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
+  PetscReal freed;
+
   PetscFunctionBeginUser;
   if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->moves && ScalarHeatKeeps(&s->heat, c, i)) PetscCall(give_back(s, c, scalars, i));
-  if (s->carry) PetscCall(ScalarCarryGiveBack(s->carry, i, s->heat.appears[i], s->data[i].source));
+  if (!s->carry) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarGrowthFreed(&s->growth, c, scalars, i, &freed));
+  PetscCall(ScalarCarryGiveBack(s->carry, i, s->heat.appears[i] - freed, s->data[i].source));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies s, Couple c, Scalars scalars, PetscReal covered[])
 {
+  PetscReal freed;
+
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < ScalarsCount(scalars); i++) covered[i] = 0;
   if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->moves) PetscCall(ScalarHeatMeasure(&s->heat, c, scalars, &s->cover));
   for (PetscInt i = 0; i < s->n; i++) {
     covered[i] = s->heat.covered[i];
-    if (s->carry) PetscCall(ScalarCarryMeasure(s->carry, i, s->heat.appears[i], covered + i));
+    PetscCall(ScalarGrowthFreed(&s->growth, c, scalars, i, &freed));
+    if (s->carry) PetscCall(ScalarCarryMeasure(s->carry, i, s->heat.appears[i] - freed, covered + i));
+    else covered[i] += freed; /* the fluid inside has had it before, and did not count */
+    PetscCall(ScalarGrowthMeasure(&s->growth, c, scalars, i, &s->heat));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesLimit(ScalarBodies s, Couple c, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  if (s) PetscCall(ScalarGrowthLimit(&s->growth, c, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarBodiesConvect(ScalarBodies s, PetscReal w[])
 {
   PetscFunctionBeginUser;
-  if (s && s->carry) PetscCall(ScalarCarryConvect(s->carry, w));
+  if (s && s->carry) PetscCall(ScalarCarryConvect(s->carry, &s->growth, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -582,6 +567,7 @@ PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c, Scalars scalars)
 {
   PetscFunctionBeginUser;
   if (s) PetscCall(ScalarWeightAccept(&s->weight, c, scalars));
+  if (s) PetscCall(ScalarGrowthAccept(&s->growth, c));
   if (s && s->moves) ScalarHeatAccept(&s->heat, c);
   if (s && s->carry) PetscCall(ScalarCarryAccept(s->carry));
   if (s) PetscCall(BodyLumpsAccept(s->lumps, c));
@@ -596,5 +582,6 @@ PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, Scalars scalars, Stat
   if (s && s->carry) PetscCall(ScalarCarryVisit(s->carry, state));
   if (s) PetscCall(BodyLumpsVisit(s->lumps, c, state));
   if (s) PetscCall(ScalarWeightVisit(&s->weight, c, state));
+  if (s) PetscCall(ScalarGrowthVisit(&s->growth, c, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

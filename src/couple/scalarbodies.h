@@ -11,6 +11,7 @@
    (conjugate); the part inside is held by a penalty, under nodal nodes inside have the value (value); sums over
    sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the finite cell method, Parvizian,
    Duester & Rank 2007).
+   Bodies that dissolve or grow by what goes through their surface: scalargrowth.h.
    Bodies that move: the inside is convected with the flow there, which moves rigidly, or goes along with the nodes of
    the mesh (scalarcarry.h); scalarheat.h keeps the books.
    Refused: motion under aligned with a moving frame or cells that are rebuilt; conditions of bodies that are holes of
@@ -41,6 +42,8 @@ PetscErrorCode ScalarBodiesGiveBack(ScalarBodies, Couple, Scalars, PetscInt i);
 /* After the scalars are solved for: covered [n of scalars] heat a time that appears as bodies cover and free cells,
    with what is given back of it (scalarheat.h). Collective. */
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies, Couple, Scalars, PetscReal covered[]);
+/* *dt becomes no larger than bodies that change their size stand. Collective. */
+PetscErrorCode ScalarBodiesLimit(ScalarBodies, Couple, PetscReal *dt);
 /* w [nnode_all][dim] less the velocity of nodes that go along with bodies (scalarcarry.h). Local. */
 PetscErrorCode ScalarBodiesConvect(ScalarBodies, PetscReal w[]);
 /* The step is taken; before ScalarsAccept. Collective. */

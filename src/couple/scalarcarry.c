@@ -343,7 +343,7 @@ PetscErrorCode ScalarCarryStart(ScalarCarry s, const PetscReal shift[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarCarryConvect(ScalarCarry s, PetscReal w[])
+PetscErrorCode ScalarCarryConvect(ScalarCarry s, const ScalarGrowth *g, PetscReal w[])
 {
   Couple          c   = s->c;
   const FlowStep *f   = c->step;
@@ -361,7 +361,8 @@ PetscErrorCode ScalarCarryConvect(ScalarCarry s, PetscReal w[])
     if (k < 0 || !CoupleIsInactiveInside(c, k)) continue;
     for (PetscInt a = 0; a < dim; a++) r[a] = MeshNearest(c->loc, a, c->loc->x[i * dim + a] - c->rigid.P[k][a]);
     RigidVelocityAt(dim, c->rigid.U + k * c->nr, r, v);
-    for (PetscInt a = 0; a < dim; a++) w[i * dim + a] = s->inside[i] ? 0 : c->field.u[i * dim + a] - v[a];
+    for (PetscInt a = 0; a < dim; a++)
+      w[i * dim + a] = s->inside[i] ? 0 : c->field.u[i * dim + a] - v[a] - ScalarGrowthGetRate(g, c, k) * r[a];
   }
   for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++) s->V[i] -= w[i];
   PetscFunctionReturn(PETSC_SUCCESS);

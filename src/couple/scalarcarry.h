@@ -16,6 +16,7 @@
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"
+#include "scalargrowth.h"
 
 typedef struct _p_ScalarCarry *ScalarCarry;
 
@@ -26,7 +27,7 @@ PetscErrorCode ScalarCarryDestroy(ScalarCarry *);
    bodies began. shift [nnode_all][dim]: that of ScalarShiftInside, or NULL. Collective. */
 PetscErrorCode ScalarCarryStart(ScalarCarry, const PetscReal shift[]);
 /* w [nnode_all][dim] less the velocity of the mesh. Local. */
-PetscErrorCode ScalarCarryConvect(ScalarCarry, PetscReal w[]);
+PetscErrorCode ScalarCarryConvect(ScalarCarry, const ScalarGrowth *, PetscReal w[]);
 /* After ScalarsPredict of scalar i: adds to source [ncell_all] what is given back; bodies: what appears in them.
    Collective. */
 PetscErrorCode ScalarCarryGiveBack(ScalarCarry, PetscInt i, PetscReal bodies, PetscReal source[]);

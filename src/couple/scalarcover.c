@@ -114,6 +114,22 @@ PetscErrorCode ScalarCoverFind(ScalarCover *s, Couple c, const PetscReal (*X)[3]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ScalarCoverOutside(const ScalarCover *s, Couple c, PetscReal *outside[])
+{
+  const PetscReal *size;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(PetscRealloc(PetscMax(1, (size_t)s->ndistance) * sizeof(PetscReal), outside));
+  for (PetscInt e = 0; e < s->n; e++) {
+    const CoveredCell *at = s->covered + e;
+
+    for (PetscInt p = 0; p < s->count && at->distance >= 0; p++)
+      (*outside)[at->distance + p] = 1 - ScalarCoverPart(s->distance[at->distance + p], size[at->cell] / s->nsample);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarCoverCreate(PetscInt dim, ScalarCover *s)
 {
   PetscFunctionBeginUser;

@@ -23,6 +23,8 @@ PetscErrorCode ScalarCoverCreate(PetscInt dim, ScalarCover *);
 PetscErrorCode ScalarCoverDestroy(ScalarCover *);
 /* Bodies are at X, q (and inside those that the mesh is lined up with). Local. */
 PetscErrorCode ScalarCoverFind(ScalarCover *, Couple, const PetscReal (*X)[3], const PetscReal (*q)[4]);
+/* Parts of the samples of cut cells outside of bodies: *outside [ndistance], reallocated. Not collective. */
+PetscErrorCode ScalarCoverOutside(const ScalarCover *, Couple, PetscReal *outside[]);
 /* Part inside of a sample at distance d, with sub-cells of this width */
 static inline PetscReal ScalarCoverPart(PetscReal d, PetscReal width)
 {

@@ -1,9 +1,12 @@
 /* ScalarMaterial: see scalarmaterial.h. */
 #include "compat.h"
 #include "impl.h"
+#include "scalarcover.h"
 #include "scalarmaterial.h"
 #include "base/algebra.h"
 #include "base/opt.h"
+
+#define SMOOTH 1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
@@ -24,7 +27,7 @@ PetscBool ScalarGroupMoves(const BodyGroup *g)
   PetscBool steady = PETSC_FALSE;
 
   (void)OptPeekBool("-sim_steady", &steady);
-  return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w));
+  return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w || g->grows));
 }
 
 /* Nodes that move with bodies are known from step to step alone */
@@ -92,6 +95,26 @@ static PetscErrorCode read_expansion(Couple c, const BodyGroup *g, const ScalarP
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What its size goes by */
+static PetscErrorCode read_growth(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
+{
+  char      name[OPT_NAME];
+  PetscBool steady = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptReal(name_option(g, par->name, "dissolves", name), &m->dissolves));
+  if (m->dissolves == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(m->condition == SCALAR_BODY_VALUE || ScalarMaterialIsSurface(m), c->comm, PETSC_ERR_SUP,
+             "%s %g: group '%s' is %s, and sizes go by the flux of bodies at a value, with a flux or in exchange: give it "
+             "-particle_%s_%s_condition value, flux or transfer",
+             name, (double)m->dissolves, g->name, CONDITIONS[m->condition], g->name, par->name);
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  PetscCheck(!steady, c->comm, PETSC_ERR_USER_INPUT,
+             "%s %g changes the size of group '%s' in time, and -sim_steady has none: remove one of them", name,
+             (double)m->dissolves, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
 {
   char      name[OPT_NAME];
@@ -129,8 +152,19 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   if (m->condition == SCALAR_BODY_TRANSFER)
     PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
   PetscCall(read_expansion(c, g, par, m));
+  PetscCall(read_growth(c, g, par, m));
   PetscCall(refuse(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal ScalarMaterialConductivity(PetscReal inside, PetscReal fluid, PetscReal chi, PetscReal d, PetscReal size)
+{
+  PetscReal zone, deep;
+
+  if (inside <= fluid || fluid == 0) return chi * inside + (1 - chi) * fluid;
+  zone = PetscMin(0.5 * PetscLog10Real(inside / fluid), SMOOTH);
+  deep = ScalarCoverPart(d, zone * size);
+  return 1 / (deep / inside + (1 - deep) / fluid);
 }
 
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *m)

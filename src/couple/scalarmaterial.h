@@ -17,6 +17,7 @@ typedef struct {
   PetscInt  condition;
   PetscReal value, flux, transfer, conductivity, capacity, source, initial;
   PetscReal expansion, reference; /* its weight: scalarweight.h */
+  PetscReal dissolves;            /* its size: scalargrowth.h */
   PetscBool starts;               /* with a value of its own */
   Expr      flux_of;              /* of place, time and scalars, NULL: the number */
 } ScalarMaterial;
@@ -33,5 +34,15 @@ static inline PetscBool ScalarMaterialIsSurface(const ScalarMaterial *m)
 {
   return (PetscBool)(m->condition == SCALAR_BODY_FLUX || m->condition == SCALAR_BODY_TRANSFER);
 }
-/* Does the group move in time? */
+/* Have its nodes its value? */
+static inline PetscBool ScalarMaterialHasValue(const ScalarMaterial *m)
+{
+  return (PetscBool)(m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_LUMPED);
+}
+/* Conductivity of a sample of a cell of this size at the distance d from the surface, of which chi lies inside. A
+   function without a kink is too stiff where a body conducts better than the fluid: as if it were larger. There both
+   conduct in series over a zone around the surface, wider as they differ more, which sets the dipole right
+   (runs/studies/scalars); what conducts worse than the fluid is taken as it lies. */
+PetscReal ScalarMaterialConductivity(PetscReal inside, PetscReal fluid, PetscReal chi, PetscReal d, PetscReal size);
+/* Does the group move in time, or its surface? */
 PetscBool ScalarGroupMoves(const BodyGroup *);

@@ -220,6 +220,13 @@ static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode limit(Couple c, void *data, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ScalarBodiesLimit(((CoupleScalars)data)->bodies, c, dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
@@ -316,6 +323,7 @@ static const CoupleParticipant SCALARS = {.name         = "scalars",
                                           .force        = measure,
                                           .balance      = balance,
                                           .energy       = energy,
+                                          .limit        = limit,
                                           .advance      = accept,
                                           .connect      = renew,
                                           .discard      = discard,

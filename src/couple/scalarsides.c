@@ -27,7 +27,7 @@ static PetscErrorCode mark_middles(Couple c, const PetscInt inactive[], PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarSidesFind(Couple c, PetscInt *n, PetscInt *body[], ScalarSide *list[])
+PetscErrorCode ScalarSidesFind(Couple c, PetscInt *n, ScalarSide *list[])
 {
   const MeshLocal *l        = c->loc;
   const PetscInt  *inactive = MeshUpdateGetInactive(c->mesh_update), *of_node;
@@ -35,7 +35,6 @@ PetscErrorCode ScalarSidesFind(Couple c, PetscInt *n, PetscInt *body[], ScalarSi
 
   PetscFunctionBeginUser;
   *n    = 0;
-  *body = NULL;
   *list = NULL;
   if (!inactive) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleGetNodeBody(c, &of_node));
@@ -48,12 +47,10 @@ PetscErrorCode ScalarSidesFind(Couple c, PetscInt *n, PetscInt *body[], ScalarSi
         const PetscInt middle = find_middle(l, e, side);
 
         if (!inside[middle] || of_node[middle] < 0) continue;
-        if (pass == 1) (*list)[*n] = (ScalarSide){.cell = e, .side = side};
-        if (pass == 1) (*body)[*n] = of_node[middle];
+        if (pass == 1) (*list)[*n] = (ScalarSide){.cell = e, .side = side, .body = of_node[middle]};
         ++*n;
       }
     if (pass == 0) PetscCall(PetscMalloc1(*n, list));
-    if (pass == 0) PetscCall(PetscMalloc1(*n, body));
   }
   PetscCall(PetscFree(inside));
   PetscFunctionReturn(PETSC_SUCCESS);

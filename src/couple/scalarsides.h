@@ -3,6 +3,6 @@
 #include "couple/couple.h"
 #include "scalar/scalar.h"
 
-/* Of local cells, those of a cell in a row: its body in body [*n], cell and side in side [*n], q and h zero; both freed
-   by the caller. Collective. */
-PetscErrorCode ScalarSidesFind(Couple, PetscInt *n, PetscInt *body[], ScalarSide *side[]);
+/* Of local cells, those of a cell in a row: cell, side and body in side [*n], q and h zero; freed by the caller.
+   Collective. */
+PetscErrorCode ScalarSidesFind(Couple, PetscInt *n, ScalarSide *side[]);

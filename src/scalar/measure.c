@@ -162,18 +162,18 @@ static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the rows of fixed nodes lack in a cell: sum [owner] +=, the boundary or, the last, ScalarNodes */
-static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[])
+/* What the rows of fixed nodes lack in a cell: r [nb]; *any: has it such nodes? */
+static PetscErrorCode find_missing(Scalars all, const Scalar *s, PetscInt c, PetscReal r[], PetscBool *any)
 {
   const MeshLocal *l    = all->loc;
   const PetscInt  *node = l->cell_node + c * l->nb;
-  PetscBool        any  = PETSC_FALSE;
-  PetscReal        x[MESH_MAX_NB], r[MESH_MAX_NB];
+  PetscReal        x[MESH_MAX_NB];
   ScalarCell       cell;
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || s->owner[node[j]] >= 0);
-  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  *any = PETSC_FALSE;
+  for (PetscInt j = 0; j < l->nb; j++) *any = (PetscBool)(*any || s->owner[node[j]] >= 0);
+  if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarCellSet(all, s, c, &cell));
   ScalarCellGather(l, c, 1, s->x, x);
   for (PetscInt i = 0; i < l->nb; i++) {
@@ -181,7 +181,19 @@ static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscR
     for (PetscInt j = 0; j < l->nb; j++) r[i] += cell.A[i * all->element.nbp + j] * x[j];
   }
   MeshCellScatter(l, c, 1, r);
-  for (PetscInt j = 0; j < l->nb; j++)
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The same by owner: sum [owner] +=, the boundary or, the last, ScalarNodes */
+static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[])
+{
+  const PetscInt *node = all->loc->cell_node + c * all->loc->nb;
+  PetscBool       any;
+  PetscReal       r[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(find_missing(all, s, c, r, &any));
+  for (PetscInt j = 0; j < all->loc->nb && any; j++)
     if (s->owner[node[j]] >= 0) sum[s->owner[node[j]]] += r[j];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -284,6 +296,51 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
   PetscCall(sum_balance(all, b, sum));
   PetscCall(PetscArraycpy(boundary, sum, all->nboundary));
   PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sources less reactions of the samples of a cell that a body's surface cuts */
+static PetscErrorCode add_samples(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal flux[])
+{
+  const MeshLocal *l = all->loc;
+  ScalarPoints     points;
+
+  PetscFunctionBeginUser;
+  if (!s->cells.sample || s->cells.sample[c] < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarCellPoints(all, s, c, &points));
+  for (PetscInt q = 0; q < points.n && points.sample->lump < 0; q++) {
+    ScalarPoint p;
+    PetscReal   theta = 0;
+
+    PetscCall(ScalarCellPoint(all, &points, q, &p));
+    for (PetscInt j = 0; j < l->nb; j++) theta += p.phi[j] * v->at.theta[j];
+    flux[points.sample->body] += p.weight * (points.sample->source[q] - points.sample->reaction[q] * theta);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsMeasureBodies(Scalars all, PetscInt i, PetscReal flux[])
+{
+  const MeshLocal *l  = all->loc;
+  const Scalar    *s  = all->scalar + i;
+  const PetscInt   nq = l->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt *node = l->cell_node + c * l->nb;
+    PetscReal       r[MESH_MAX_NB];
+    PetscBool       any;
+    Values          v;
+
+    if (!ScalarCellIsActive(s, c)) continue;
+    PetscCall(set_values(all, s, c, &v));
+    PetscCall(find_missing(all, s, c, r, &any));
+    for (PetscInt j = 0; j < l->nb && any; j++)
+      if (s->owner[node[j]] == all->nboundary) flux[s->nodes.body[node[j]]] += r[j];
+    PetscCall(add_samples(all, s, c, &v, flux));
+    for (PetscInt k = s->cell_side ? s->cell_side[c] : -1; k >= 0 && k < s->nside && s->side[k].cell == c; k++)
+      PetscCall(add_side(all, c, s->side[k].side, s->input.side + k * nq * 2, &v, flux + s->side[k].body));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

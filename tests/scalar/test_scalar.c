@@ -154,7 +154,7 @@ static PetscReal measure_samples(PetscInt n)
   }
   OK(PetscMalloc1(c.l->ncell_all, &sample));
   for (PetscInt e = 0; e < c.l->ncell_all; e++) sample[e] = c.l->cell_global[e] % 3 - 1;
-  for (PetscInt k = 0; k < 2; k++) samples[k] = (ScalarSamples){n, 0, one, one, none, none, -1};
+  for (PetscInt k = 0; k < 2; k++) samples[k] = (ScalarSamples){n, 0, one, one, none, none, -1, 0};
   cells.sample = sample;
   OK(ScalarsSetCells(c.s, 0, &cells));
   begin(&c, 0);
@@ -188,7 +188,8 @@ static void step_with_sides(const char options[], PetscBool sides, PetscReal sum
   open_case(&c, 2, options);
   OK(PetscMalloc1(c.l->ncell_all, &side));
   for (PetscInt e = 0; e < c.l->ncell_all && sides; e++)
-    if (c.l->x[2 * c.l->cell_node[e * 9 + 5]] > 1.5 - 1e-9) side[n++] = (ScalarSide){e, 1, 4.5, 3, NULL};
+    if (c.l->x[2 * c.l->cell_node[e * 9 + 5]] > 1.5 - 1e-9)
+      side[n++] = (ScalarSide){.cell = e, .side = 1, .q = 4.5, .h = 3};
   OK(ScalarsSetSides(c.s, 0, n, side));
   begin(&c, 0.1);
   T = solve(&c, NULL);
