@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from conftest import read_rows
+from conftest import ROOT, read_rows
 
 # Quasi-steady: the fluid holds next to nothing
 RING = """mesh: {kind: disc, radius: 1, resolution: 8}
@@ -90,6 +90,16 @@ def test_a_body_smaller_than_a_cell_is_removed_with_one_message(run, scene, tmp_
         result = run([scene(text), "-couple_method", method, "-output_dir", tmp_path / method])
         assert result.status == 0 and result.text.count("has dissolved at t = ") == 1
         assert "bodies_removed" in (tmp_path / method / "summary.json").read_text()
+
+
+def test_a_bubble_is_gone_before_it_is_up(run, tmp_path):
+    """Its gas is in the water: 3 times the area with what the water holds stays the same from t = 1 on"""
+    result = run([ROOT / "runs" / "bubble-dissolves.yaml", "-output_every", "0", "-output_dir", tmp_path / "out"])
+    assert result.status == 0 and "has dissolved at t = 9." in result.text
+    series, bodies = read_rows(tmp_path / "out" / "series.csv"), read_rows(tmp_path / "out" / "bodies.csv")
+    whole = [row["scalar_content_gas"] + 3 * math.pi * 0.09 * body["size"] ** 2 for row, body in zip(series, bodies)]
+    assert whole[179] == pytest.approx(whole[19], rel=2e-4)
+    assert bodies[-1]["y"] < 2.7
 
 
 GROWS = """mesh: {cells: [20, 20], lower: [-1, -1], upper: [1, 1]}
