@@ -55,7 +55,8 @@ typedef struct {
 typedef struct {
   const PetscReal     *capacity, *conductivity; /* [ncell_all]; conductivity < 0: no part of the problem */
   const PetscReal     *source;                  /* [ncell_all] in addition to the option's */
-  const PetscInt      *sample;                  /* [ncell_all] which of the samples is it, -1: none */
+  const PetscReal     *decay;  /* [ncell_all] likewise, rates of a first-order reaction; NULL: there is none */
+  const PetscInt      *sample; /* [ncell_all] which of the samples is it, -1: none */
   const ScalarSamples *samples;
   /* What counts in content and mean: [ncell_all] SCALAR_COUNTS_ALL of a cell, _NOTHING, or where in `outside` the parts
      of its noutside^dim sub-cells begin (in the order of ScalarSamples), of the fluid's capacity. NULL: all of all. */

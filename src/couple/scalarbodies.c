@@ -22,6 +22,7 @@ struct _p_ScalarBodies {
   ScalarMaterial *material; /* [ngroup][n] */
   PetscBool       nodal;    /* method nodal: values at nodes */
   PetscBool       on_sides; /* method aligned, and a group with a flux or exchange */
+  PetscBool       decays;   /* has a group a reaction inside? */
   ScalarCover     cover;
   ScalarHeat      heat;
   PetscBool       carries; /* is the mesh lined up with bodies that move? */
@@ -36,6 +37,7 @@ struct _p_ScalarBodies {
   PetscReal   *shift;   /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
+    PetscReal     *decay;                            /* [ncell_all] NULL: no group has a reaction */
     PetscInt      *sample, *counts, *fluid;          /* [ncell_all] */
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
@@ -88,6 +90,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(ScalarMaterialRead(c, group, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
+      s->decays = (PetscBool)(s->decays || s->material[g * s->n + i].decay > 0);
       if (ExprUsesFields(s->material[g * s->n + i].flux_of)) PetscCall(ScalarsReact(scalars, i));
       if (c->method.table->moves_nodes && ScalarMaterialIsSurface(s->material + g * s->n + i)) s->on_sides = PETSC_TRUE;
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
@@ -105,6 +108,7 @@ static PetscErrorCode free_data(struct CellData *d)
   PetscFunctionBeginUser;
   PetscCall(PetscFree6(d->capacity, d->conductivity, d->source, d->sample, d->counts, d->fluid));
   PetscCall(PetscFree4(d->fixed, d->value, d->lump, d->body));
+  PetscCall(PetscFree(d->decay));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->side));
   PetscCall(PetscFree(d->surface));
@@ -173,6 +177,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
 
     PetscCall(PetscMalloc6(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts, nc,
                            &d->fluid));
+    if (s->decays) PetscCall(PetscMalloc1(nc, &d->decay));
     PetscCall(PetscMalloc4(nn, &d->fixed, nn, &d->value, nn, &d->lump, nn, &d->body));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -238,12 +243,14 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                       ? ScalarMaterialConductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
                     : ScalarMaterialHasValue(m) ? par->conductivity
                                                 : left * par->conductivity;
-    reaction[p] = ScalarMaterialHasValue(m) ? sigma : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer : 0;
-    source[p]   = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
-                : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
-                : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
-                : m->condition == SCALAR_BODY_LUMPED   ? 0
-                                                       : chi * m->source;
+    reaction[p]     = ScalarMaterialHasValue(m)            ? sigma
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer
+                                                           : chi * m->decay * m->capacity;
+    source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
+                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
+                    : m->condition == SCALAR_BODY_LUMPED   ? 0
+                                                           : chi * m->source;
   }
   *out = (ScalarSamples){s->cover.nsample,
                          at->cell,
@@ -264,6 +271,7 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
   d->capacity[at->cell]     = scale == 1 ? m->capacity : par->capacity + scale * (m->capacity - par->capacity);
   d->conductivity[at->cell] = m->condition == SCALAR_BODY_CONJUGATE ? m->conductivity : -1;
   d->source[at->cell]       = m->source;
+  if (d->decay) d->decay[at->cell] = m->decay;
   if (m->condition == SCALAR_BODY_LUMPED) d->source[at->cell] = 0; /* its own equation has it */
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_LUMPED; j++) d->lump[node[j]] = at->body;
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_VALUE; j++) {
@@ -271,12 +279,6 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
     d->value[node[j]] = m->value;
     d->body[node[j]]  = at->body;
   }
-}
-
-/* Does it have heat of its own, which counts in the content? */
-static PetscBool keeps_heat(const ScalarMaterial *m)
-{
-  return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE);
 }
 
 /* Method nodal: nodes inside have the value, and cells around them are fluid */
@@ -315,9 +317,10 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->capacity[e]     = par->capacity;
     d->conductivity[e] = par->conductivity;
     d->source[e]       = 0;
-    d->sample[e]       = -1;
-    d->counts[e]       = SCALAR_COUNTS_ALL;
-    d->fluid[e]        = SCALAR_COUNTS_ALL;
+    if (d->decay) d->decay[e] = 0;
+    d->sample[e] = -1;
+    d->counts[e] = SCALAR_COUNTS_ALL;
+    d->fluid[e]  = SCALAR_COUNTS_ALL;
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
   for (PetscInt e = 0; e < c->loc->nnode_all; e++) d->lump[e] = -1;
@@ -330,7 +333,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     const ScalarMaterial *m     = s->material + c->s->body_group[at->body] * s->n + i;
     const PetscReal       scale = get_scale(s, c, at->body, i, m);
 
-    if (at->first && !keeps_heat(m)) d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
+    if (at->first && m->condition != SCALAR_BODY_CONJUGATE)
+      d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (s->nodal && ScalarMaterialHasValue(m)) continue;
     if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (at->distance < 0 && (at->first || ScalarMaterialHasValue(m))) set_inside(c, at, m, par, scale, d);
@@ -340,8 +344,16 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     }
   }
   if (s->nodal) PetscCall(fix_inside(c, s, i, d));
-  cells = (ScalarCells){d->capacity, d->conductivity, d->source,        d->sample, d->samples,
-                        d->counts,   s->outside,      s->cover.nsample, d->fluid};
+  cells = (ScalarCells){.capacity     = d->capacity,
+                        .conductivity = d->conductivity,
+                        .source       = d->source,
+                        .decay        = d->decay,
+                        .sample       = d->sample,
+                        .samples      = d->samples,
+                        .counts       = d->counts,
+                        .outside      = s->outside,
+                        .noutside     = s->cover.nsample,
+                        .fluid        = d->fluid};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
   PetscCall(BodyLumpsSet(s->lumps, c, scalars, i, par, d->lump, s->nodal));

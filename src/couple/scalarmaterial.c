@@ -19,7 +19,7 @@ static const char *name_option(const BodyGroup *g, const char scalar[], const ch
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters *par)
 {
   return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE && m->conductivity == par->conductivity &&
-                     m->capacity == par->capacity && m->source == 0);
+                     m->capacity == par->capacity && m->source == 0 && m->decay == 0);
 }
 
 PetscBool ScalarGroupMoves(const BodyGroup *g)
@@ -124,8 +124,10 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
   PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
-  if (m->condition == SCALAR_BODY_CONJUGATE)
+  if (m->condition == SCALAR_BODY_CONJUGATE) {
     PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
+    PetscCall(OptReal(name_option(g, par->name, "decay", name), &m->decay));
+  }
   if (m->condition == SCALAR_BODY_CONJUGATE || m->condition == SCALAR_BODY_LUMPED) {
     PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
     PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));

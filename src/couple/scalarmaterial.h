@@ -15,7 +15,7 @@ enum {
 
 typedef struct {
   PetscInt  condition;
-  PetscReal value, flux, transfer, conductivity, capacity, source, initial;
+  PetscReal value, flux, transfer, conductivity, capacity, source, decay, initial;
   PetscReal expansion, reference; /* its weight: scalarweight.h */
   PetscReal dissolves;            /* its size: scalargrowth.h */
   PetscBool starts;               /* with a value of its own */

@@ -164,7 +164,7 @@ void ScalarCellGetInput(Scalars all, const Scalar *s, PetscInt c, ScalarCellInpu
 {
   in->acts  = (PetscBool)((s->input.q || s->decay != 0) &&
                          !(s->cells.fluid && s->cells.fluid[c] == SCALAR_COUNTS_NOTHING));
-  in->decay = in->acts ? s->decay : 0;
+  in->decay = (in->acts ? s->decay : 0) + (s->cells.decay ? s->cells.decay[c] : 0);
   if (!in->acts) return;
   for (PetscInt j = 0; j < all->loc->nb; j++) in->q[j] = in->slope[j] = 0;
   if (s->input.q) ScalarCellGather(all->loc, c, 1, s->input.q, in->q);

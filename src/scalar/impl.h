@@ -172,8 +172,8 @@ PetscErrorCode ScalarCellMatrices(Scalars, const Scalar *, PetscInt c, ScalarCel
 /* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */
 PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
                             PetscReal g[3][MESH_MAX_NB]);
-/* What sources and reactions of the options do in it, source - slope T at its lattice points, and the rate of decay;
-   acts: do they? Else nothing is set but decay 0. */
+/* What sources and reactions of the options do in it, source - slope T at its lattice points; acts: do they? Else
+   neither is set. decay: rate of a first-order reaction, that of its material with it */
 typedef struct {
   PetscBool acts;
   PetscReal decay, q[MESH_MAX_NB], slope[MESH_MAX_NB];

@@ -226,7 +226,7 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
     widen(&all->step, p->capacity[k], r, p->source[k], high, bottom, top);
   }
   ScalarCellGetInput(all, s, c, &in);
-  for (PetscInt j = 0; j < nb && (in.acts || uniform != 0); j++)
+  for (PetscInt j = 0; j < nb && (in.acts || uniform != 0 || in.decay != 0); j++)
     widen(&all->step, capacity, in.decay * capacity + (in.acts ? in.slope[j] : 0), (in.acts ? in.q[j] : 0) + uniform,
           x[j], bottom, top);
 }

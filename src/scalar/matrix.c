@@ -71,7 +71,7 @@ static void note_sums(Scalars all, Scalar *s, PetscInt c, const ScalarCell *cell
   const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
   PetscReal      M[MESH_MAX_NB] = {0}, L[MESH_MAX_NB] = {0}, *sums = s->sums + 2 * c * nb;
 
-  s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->input.slope && !s->cell_side &&
+  s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->cells.decay && !s->input.slope && !s->cell_side &&
                                (!s->cells.sample || s->cells.sample[c] < 0));
   for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
     for (PetscInt q = 0; q < nq && s->input.face; q++)

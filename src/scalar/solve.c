@@ -147,6 +147,7 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s, const PetscReal w[])
   if (all->step.ct != 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < l->nnode; i++) any += s->owner[i] >= 0;
   any += ScalarHasSink(all, s);
+  for (PetscInt c = 0; c < l->ncell && s->cells.decay; c++) any += s->cells.decay[c] > 0;
   for (PetscInt c = 0; c < l->ncell && s->cells.sample; c++) {
     const ScalarSamples *p = s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
 

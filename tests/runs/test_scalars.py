@@ -679,3 +679,46 @@ def test_a_sphere_that_conducts_has_its_dipole_under_penalty(ratio):
     import dipole
 
     assert abs(dipole.measure(ROOT / os.environ.get("TUMBLE_BUILD", "build"), 8, ratio)) < 0.02
+
+
+GRAIN = """mesh: {kind: disc, radius: 1, resolution: 8}
+flow: {density: 1, viscosity: 1}
+scalars: gas
+scalar: {gas: {conductivity: 1, initial: 1, bc: {outer: {value: 1}}}}
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 0.4, position: [0, 0], free: none, gas: {conductivity: 0.5, capacity: 2, decay: 25}}
+sim: {steady: true}
+output: {every: 0}
+"""
+BALL = """mesh: {cells: [8, 8, 8], lower: [-1, -1, -1], upper: [1, 1, 1]}
+flow: {density: 1, viscosity: 1}
+scalars: gas
+scalar:
+  gas: {conductivity: 1, initial: 1}
+SIDES
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 0.5, position: [0.013, 0.007, 0.01], free: none, gas: {conductivity: 0.5, capacity: 2, decay: 25}}
+sim: {steady: true}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, plane, space", [("aligned", 5e-4, 3e-3), ("penalty", 0.012, 0.025), ("nodal", 0.012, None)])
+def test_a_grain_takes_up_what_thiele_has(run, scene, tmp_path, method, plane, space):
+    """First order, Thiele modulus 4 (disc in a ring, effectiveness .43176) and 5 (sphere in free space, .48005). The bounds were set after
+    .03, 1.06 % (disc; half with half the cells) and .21, 2.3 % (sphere, 4 cells a diameter) were seen"""
+    run([scene(GRAIN), "-couple_method", method, "-output_dir", tmp_path / "disc"])
+    i1_over_i0 = 0.8635226110245447  # I1(4)/I0(4)
+    exact = 2 * math.pi / (math.log(1 / 0.4) + 1 / (0.5 * 4 * i1_over_i0))
+    assert float(read_last(tmp_path / "disc")["scalar_flux_gas_outer"]) == pytest.approx(exact, rel=plane)
+    if space is None:
+        return
+    taken = 0.5 * (5 / math.tanh(5) - 1)  # over the conductivity of the fluid
+    exact = 4 * math.pi * 0.5 * taken / (1 + taken)
+    sides = "left right bottom top front back".split()
+    value = f"1-{exact / 4 / math.pi}/sqrt((x-0.013)^2+(y-0.007)^2+(z-0.01)^2)"
+    run([scene(BALL.replace("SIDES", "\n".join(f'  gas_bc_{side}: {{value: "{value}"}}' for side in sides))), "-couple_method", method, "-output_dir", tmp_path / "ball"])
+    row = read_last(tmp_path / "ball")
+    assert sum(float(row[f"scalar_flux_gas_{side}"]) for side in sides) == pytest.approx(exact, rel=space)
