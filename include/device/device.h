@@ -104,14 +104,14 @@ typedef struct {
 /* Rows of blocks 4 x 4, each column by column (entry (k, m) at 4 m + k); rows that are equal stand once. Four numbers a
    row in vectors. */
 typedef struct {
-  int           n;
-  const int    *start;   /* [n + 1] in column */
-  const int    *column;  /* block columns */
-  const int    *at;      /* [n] in value and single, in blocks */
-  const int    *kind;    /* [n] in inverse */
-  const double *value;   /* [blocks][16] */
-  const float  *single;  /* the same */
-  const float  *inverse; /* [kinds][16] of the blocks on the diagonal, or what stands for them in smoothers */
+  int        n;
+  const int *start;   /* [n + 1] in column */
+  const int *column;  /* block columns */
+  int       *at;      /* [n] in value and single, in blocks */
+  int       *kind;    /* [n] in inverse */
+  double    *value;   /* [blocks][16] */
+  float     *single;  /* the same */
+  float     *inverse; /* [kinds][16] of the blocks on the diagonal, or what stands for them in smoothers */
 } DeviceRows;
 
 /* x and d of a Chebyshev iteration about the diagonal: d = c1 d + c2 D^-1 (b - A x), x_new = x + d. x NULL: from zero,
@@ -174,6 +174,18 @@ typedef struct {
   /* y [nnode][3] += the parts times x; d [nnode] += their diagonal */
   int (*multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double x[], double y[]);
   int (*add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double d[]);
+  /* Rows of the pressure near bodies, made there: rows row [n], each once, of B W B^T with weights [nnode][3], at
+     places at [n] of their own; place [ncell]: of cells in groups */
+  int (*make_rows)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, const int place[],
+                   const double weight[], int n, const int row[], const int at[], const DeviceRows *);
+  /* Their blocks on the diagonal += block [n][16] */
+  int (*add_to_diagonal)(const DeviceQueue *, int n, const int row[], const double block[], const DeviceRows *);
+  /* to [n] = from */
+  int (*narrow)(const DeviceQueue *, size_t n, const double from[], float to[]);
+  /* Inverses of their blocks on the diagonal with the w w^T of pairs, whose cells are all among these rows; where
+     [rows.n] and block [n][16] are lost. Each row has a kind of its own. */
+  int (*invert_rows)(const DeviceQueue *, int n, const int row[], const DevicePairs *, int where[], double block[],
+                     const DeviceRows *);
 } DeviceBodyKernels;
 
 typedef struct {

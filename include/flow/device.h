@@ -19,6 +19,9 @@ PetscErrorCode FlowDivergenceOnDevice(Flow, PetscReal factor, const PetscReal u[
 PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[], PetscReal y[]);
 /* y += factor Mp^{-1} r */
 PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal r[], PetscReal y[]);
+/* Rows row [n] of B W B^T to places at [n], weight [nnode][dim]: see DeviceBodyKernels. Of all cells on one rank. */
+PetscErrorCode FlowMakeRowsOnDevice(Flow, const PetscReal weight[], PetscInt n, const int row[], const int at[],
+                                    const DeviceRows *);
 /* y [nnode][dim] = m x, or 1/m (inverse), by the lumped mass over the density */
 PetscErrorCode FlowScaleByMassOnDevice(Flow, const PetscReal x[], PetscReal y[]);
 PetscErrorCode FlowInvertMassOnDevice(Flow, PetscReal y[]);

@@ -70,7 +70,7 @@ for n in ${SIZES:-64 128}; do
     if [ "$n" -le 64 ]; then measure "$preset-$n-$ranks-cores" "$ranks" $scene; fi
   done
 done
-# spheres of ten cells: some 20 MB each over the bus in a step (src/device/README.md), by which this is far from the 2.5
+# spheres of ten cells: some 5 MB each over the bus in a step, and one core that draws them (src/device/README.md)
 for n in ${SPHERES:-64 128}; do
   edge=$((n * 10 / 128))
   if [ "$edge" -lt 1 ]; then edge=1; fi

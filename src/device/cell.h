@@ -187,6 +187,14 @@ DEV void to_slots(const int t, const DeviceCells c, const int g, double *s)
   if (h) hang_scatter(h, 3 * PAD, component(t, s));
 }
 
+/* ---- matrices of B ---- */
+
+/* Where entry (row, k) of a lane's matrix stands: b + (row * 4 + k) * stride */
+DEV const double *find_matrix(const int box, const DeviceCells c, const DeviceDivergence d, const int g, const int lane)
+{
+  return box ? d.shared + (Big)d.kind[g * G + lane] * 324 : d.own + (Big)(g - c.nbox) * 324 * G + lane;
+}
+
 /* ---- coefficients ---- */
 
 /* Coefficients of boxes [group][4 + 27 n][32]: mass, diffusion along each axis; for every point convection along each

@@ -3,12 +3,6 @@
 #include "cell.h"
 #include "functions.h"
 
-/* Where entry (row, k) of a lane's matrix stands: b + (row * 4 + k) * stride */
-DEV const double *find_matrix(const int box, const DeviceCells c, const DeviceDivergence d, const int g, const int lane)
-{
-  return box ? d.shared + (Big)d.kind[g * G + lane] * 324 : d.own + (Big)(g - c.nbox) * 324 * G + lane;
-}
-
 /* Thread (k, lane) has pressure k of a cell */
 DEV void divergence_group(const int box, const DeviceCells c, const int first, const DeviceDivergence d,
                           const double alpha, const double *RESTRICT u, const double beta, const double *in,

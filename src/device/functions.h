@@ -64,6 +64,12 @@ int NAME(add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, doubl
 int NAME(multiply_rows)(const DeviceQueue *, const DeviceRows *, const double[], double[]);
 int NAME(residual_rows)(const DeviceQueue *, const DeviceRows *, const double[], const double[], double[]);
 int NAME(smooth_rows)(const DeviceQueue *, const DeviceRows *, const DeviceChebyshev *);
+/* makerows.c */
+int NAME(make_rows)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, const int[], const double[],
+                    int, const int[], const int[], const DeviceRows *);
+int NAME(add_to_diagonal)(const DeviceQueue *, int, const int[], const double[], const DeviceRows *);
+int NAME(narrow)(const DeviceQueue *, size_t, const double[], float[]);
+int NAME(invert_rows)(const DeviceQueue *, int, const int[], const DevicePairs *, int[], double[], const DeviceRows *);
 /* vertices.c */
 int NAME(add_restricted)(const DeviceQueue *, const DeviceTransfer *, const double[], double[]);
 int NAME(add_interpolated)(const DeviceQueue *, const DeviceTransfer *, const double[], double[]);

@@ -125,6 +125,7 @@ static PetscErrorCode destroy_on_mesh(OnDevice o)
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
   PetscCall(DeviceMomentsDestroy(o));
   PetscCall(DeviceFetchDestroy(o));
+  PetscCall(DeviceFree(&o->queue, &o->place));
   PetscCall(DeviceFree(&o->queue, &o->w));
   PetscCall(DeviceFree(&o->queue, &o->from));
   PetscCall(DeviceFree(&o->queue, &o->to));
@@ -322,6 +323,36 @@ PetscErrorCode FlowPressureMassOnDevice(Flow f, PetscReal factor, const PetscRea
 
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->add_pressure_mass)(q, &o->cells, &o->divergence, factor, r, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where cells stand in groups; made when it is asked for */
+static PetscErrorCode find_groups(OnDevice o)
+{
+  const DeviceQueue *q = &o->queue;
+  const PetscInt     n = o->cells.ngroup * DEVICE_GROUP;
+  int               *cell, *place;
+
+  PetscFunctionBeginUser;
+  if (o->place) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc2(n, &cell, o->cells.ncell, &place));
+  PetscCallDevice(q, (*q->run->download)(q, (size_t)n * sizeof(*cell), o->cells.cell, cell));
+  for (PetscInt e = 0; e < n; e++)
+    if (cell[e] >= 0) place[cell[e]] = (int)e;
+  PetscCall(DeviceTake(q, o->cells.ncell, place, &o->place));
+  PetscCall(PetscFree2(cell, place));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowMakeRowsOnDevice(Flow f, const PetscReal weight[], PetscInt n, const int row[], const int at[],
+                                    const DeviceRows *rows)
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(find_groups(o));
+  PetscCallDevice(q, (*q->run->body.make_rows)(q, &o->cells, &o->divergence, o->place, weight, (int)n, row, at, rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

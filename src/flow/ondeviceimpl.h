@@ -42,6 +42,7 @@ struct _p_OnDevice {
   DeviceCells      cells;
   DeviceForm       form;
   DeviceDivergence divergence;
+  const int       *place;       /* [ncell] of cells in groups; NULL so far */
   double          *w;           /* [nnode_all][3] convecting velocity */
   double          *from, *to;   /* [nnode_all][3] with ghosts, where there are some */
   double          *coefficient; /* at the points, see DeviceCoefficients */

@@ -143,7 +143,8 @@ output: {every: 0}
 @pytest.mark.parametrize("method", ["penalty", "nodal"])
 def test_mesh_follows(run, tmp_path, method):
     """What lies on a device is made anew for the cells of another mesh: the processor's numbers over five of them. What goes over for a mesh is the fields
-    once back, and there they and what stands on cells (bounds set after 15 and 126 bytes an unknown were seen); what was kept of the old one is freed."""
+    once back, and there they, what stands on cells, and its rows of the pressure (bounds set
+    after 15 and 399 bytes an unknown were seen); what was kept of the old one is freed."""
     scene = tmp_path / "followed.yaml"
     scene.write_text(FOLLOWED)
     common = [scene, *TIGHT, "-couple_method", method, "-output_dir", "out", "-output_overwrite"]
@@ -160,7 +161,7 @@ def test_mesh_follows(run, tmp_path, method):
     up, down, held = zip(*steps)
     assert len(steps) == 9
     if DEVICE == "emulate":  # which alone counts what is held
-        assert max(down) < min(down) + 20 * about["unknowns"] and max(up) < min(up) + 160 * about["unknowns"], steps
+        assert max(down) < min(down) + 20 * about["unknowns"] and max(up) < min(up) + 500 * about["unknowns"], steps
         assert held[-1] < 1.2 * held[0], steps
 
 
@@ -205,8 +206,8 @@ def test_no_field_crosses(run, monkeypatch, convection):
 
 @pytest.mark.skipif(DEVICE != "emulate", reason="counts what the emulation's memory is given")
 def test_no_field_crosses_with_bodies(run, tmp_path, monkeypatch):
-    """The same bodies in a box and in one of eight times the volume: what goes over in a step grows less than surfaces do, which grow fourfold, and
-    the host looks into vectors at set-up and into rows of bodies alone."""
+    """The same bodies in a box and in one of eight times the volume: what goes over in a step grows less than surfaces do, which grow fourfold (1.7 and
+    5.0 MB; with rows of the pressure, which are made there, 4.5 and 6.8), and the host looks into vectors at set-up and into rows of bodies alone."""
     moved = []
     scene = tmp_path / "bodies.yaml"
     scene.write_text(BODIES)
@@ -219,7 +220,7 @@ def test_no_field_crosses_with_bodies(run, tmp_path, monkeypatch):
         asked = {name: int(size) for name, size in re.findall(r"host array: (\S+) \d+ (\d+)", result.err)}
         asked.pop("DeviceLevelsCreate", None)  # vertices of the pressure, when their matrix has changed
         assert sum(asked.values()) < 3 * 640 * m**3 * 4 * 8, asked  # three pressures, at set-up; a velocity has six times as many numbers as one
-    assert moved[1] < 2 * moved[0], moved
+    assert moved[0] < 2e6 and moved[1] < 4 * moved[0], moved
 
 
 @pytest.mark.skipif(DEVICE != "emulate", reason="a GPU has the script itself")

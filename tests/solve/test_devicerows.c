@@ -1,11 +1,12 @@
 /* Pressure on a device: the kernels for devices, as they run on the processor, give the numbers of the pressure
-   operator of real meshes (its rows in both precisions, its smoother's blocks), of the transfer to the vertices and
-   back, and a two-level preconditioner that is symmetric and solves. */
+   operator of real meshes (its rows in both precisions, also made there, its smoother's blocks), of the transfer to the
+   vertices and back, and a two-level preconditioner that is symmetric and solves. */
 #include "core.h"
 #include "solve/system.h"
 #include "pressure/devicelevels.h"
 #include "pressure/devicerows.h"
 #include "pressure/pressure.h"
+#include "../flow/devicecells.h"
 
 #define CLOSE 1e-12 /* of the largest */
 
@@ -21,6 +22,7 @@ typedef struct {
   DeviceQueue      queue;
   DeviceRows       rows;
   size_t           room[5];
+  PetscReal       *weight;
   DeviceTransfer   vertices;
 } Case;
 
@@ -28,7 +30,7 @@ static void open_case(Case *c, const char options[])
 {
   const unsigned char *fixed;
   const PetscReal     *value, *mass;
-  PetscReal           *weight, none[1] = {0};
+  PetscReal            none[1] = {0};
   Mat                  all;
 
   give("-mesh_dimension 3 -mesh_upper 1.5,1,1");
@@ -42,10 +44,9 @@ static void open_case(Case *c, const char options[])
   OK(ConstraintSetBoundary(c->constraint, fixed, value));
   OK(PressureCreate(c->flow, c->constraint, &c->pressure));
   OK(FlowGetLumpedMass(c->flow, &mass));
-  OK(PetscMalloc1(c->l->nnode_all * 3, &weight));
-  for (PetscInt i = 0; i < c->l->nnode_all * 3; i++) weight[i] = fixed[i] ? 0 : 1 / mass[i / 3];
-  OK(PressureUpdate(c->pressure, weight, NULL, none));
-  OK(PetscFree(weight));
+  OK(PetscMalloc1(c->l->nnode_all * 3, &c->weight));
+  for (PetscInt i = 0; i < c->l->nnode_all * 3; i++) c->weight[i] = fixed[i / 3] >> i % 3 & 1 ? 0 : 1 / mass[i / 3];
+  OK(PressureUpdate(c->pressure, c->weight, NULL, none));
   OK(PressureGetMats(c->pressure, &all, &c->S));
   OK(TransferCreate(c->mesh, 4, &c->transfer));
   OK(TransferUpdateCells(c->transfer, c->l->ncell_all, NULL, NULL));
@@ -60,6 +61,7 @@ static void close_case(Case *c)
 {
   OK(DeviceRowsDestroy(&c->queue, &c->rows));
   OK(DeviceTransferDestroy(&c->queue, &c->vertices));
+  OK(PetscFree(c->weight));
   OK(TransferDestroy(&c->transfer));
   OK(PressureDestroy(&c->pressure));
   OK(ConstraintDestroy(&c->constraint));
@@ -117,6 +119,46 @@ static void check_rows(Case *c)
   }
   BELOW(max_difference(np, want, b), 1e-4 * max_abs(np, want));
   OK(PetscFree5(x, b, y, want, d));
+}
+
+/* All rows once more, made there, one after the other: the host's but for its rounding (1e-11), with the inverses of
+   the blocks on the diagonal */
+static void check_made(Case *c)
+{
+  const DeviceKernels *run  = c->queue.run;
+  const PetscInt       n    = c->rows.n;
+  const DevicePairs    none = {0};
+  struct _p_RowsView   host;
+  DeviceRows           r = c->rows;
+  DeviceCells          cells;
+  DeviceDivergence     divergence;
+  PetscReal           *work, largest;
+  int                 *place, *row, *where;
+
+  OK(FlowCreateDeviceCells(c->flow, &c->queue, n, NULL, &cells));
+  OK(FlowCreateDeviceDivergence(c->flow, &c->queue, &cells, NULL, &divergence));
+  OK(PetscMalloc3(r.start[n] * 16, &r.value, r.start[n] * 16, &r.single, n * 16, &r.inverse));
+  OK(PetscMalloc6(n, &r.at, n, &r.kind, n, &place, n, &row, n, &where, n * 16, &work));
+  for (int e = 0; e < cells.ngroup * DEVICE_GROUP; e++)
+    if (cells.cell[e] >= 0) place[cells.cell[e]] = e;
+  for (int i = 0; i < n; i++) row[i] = r.kind[i] = i;
+  OK((*run->body.make_rows)(&c->queue, &cells, &divergence, place, c->weight, (int)n, row, r.start, &r));
+  OK((*run->body.invert_rows)(&c->queue, (int)n, row, &none, where, work, &r));
+  OK(BlockGSGetRows(c->S, &host));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal *want = c->rows.value + c->rows.at[i] * 16, *got = r.value + r.at[i] * 16;
+    const PetscInt   all = (r.start[i + 1] - r.start[i]) * 16;
+
+    BELOW(max_difference(all, got, want), (host.exact ? 1e-11 : 1e-7) * max_abs(all, want));
+    largest = 0;
+    for (PetscInt e = 0; e < 16; e++) largest = PetscMax(largest, PetscAbsReal((PetscReal)host.inverse[i * 16 + e]));
+    for (PetscInt e = 0; e < 16; e++)
+      BELOW(PetscAbsReal((PetscReal)(r.inverse[i * 16 + e] - host.inverse[i * 16 + e])), 1e-6 * largest);
+  }
+  OK(PetscFree3(r.value, r.single, r.inverse));
+  OK(PetscFree6(r.at, r.kind, place, row, where, work));
+  OK(FlowDestroyDeviceDivergence(&c->queue, &divergence));
+  OK(DeviceCellsDestroy(&c->queue, &cells));
 }
 
 static void check_vertices(Case *c)
@@ -287,6 +329,7 @@ static void test_scenes(void **state)
     open_case(&c, SCENES[i]);
     assert_int_equal(c.l->hang != NULL, i == 2);
     check_rows(&c);
+    check_made(&c);
     check_vertices(&c);
     check_levels(&c, NULL);
     check_lattice(&c);

@@ -26,8 +26,7 @@ static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], P
 }
 
 /* Values in double precision, also where the rows have single precision only */
-static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to,
-                                  size_t *room)
+static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, double **to, size_t *room)
 {
   PetscReal *value;
 
@@ -50,8 +49,8 @@ static PetscErrorCode take_kinds(const DeviceQueue *queue, const struct _p_RowsV
   PetscCall(list_kinds(v, kind, from, &nkind));
   PetscCall(PetscMalloc1(nkind * 16, &inverse));
   for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(inverse + k * 16, v->inverse + from[k] * 16, 16));
-  PetscCall(DeviceRenewInts(queue, v->n, v->at, &r->at, &room[0]));
-  PetscCall(DeviceRenewInts(queue, v->n, kind, &r->kind, &room[1]));
+  PetscCall(DeviceRenewInts(queue, v->n, v->at, (const int **)&r->at, &room[0]));
+  PetscCall(DeviceRenewInts(queue, v->n, kind, (const int **)&r->kind, &room[1]));
   PetscCall(DeviceRenew(queue, nkind * 16, inverse, &r->inverse, &room[2]));
   PetscCall(PetscFree(inverse));
   PetscCall(PetscFree2(kind, from));

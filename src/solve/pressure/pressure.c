@@ -328,9 +328,10 @@ PetscErrorCode PressureSetInactive(Pressure p, const PetscInt cell_material[], c
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal fraction[],
                               const PetscReal mass_inverse[])
 {
-  PetscBool same, flags[2];
-  PetscInt  nchanged, *changed;
-  Shared    old;
+  const PetscBool rows = (PetscBool)(p->nodes.block_gs && !PressureMakesRowsOnDevice(p)); /* of the host */
+  PetscBool       same, flags[2];
+  PetscInt        nchanged, *changed;
+  Shared          old;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
@@ -359,8 +360,8 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   if (p->nbodies) {
     PetscCall(PressureFindInterior(p));
     PetscCall(PressureFindCut(p, fraction, mass_inverse));
-    if (p->nodes.block_gs && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
-    if (p->nodes.block_gs)
+    if (rows && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
+    if (rows)
       PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->shared_reduction,
                                   ConstraintGetView(p->constraint)->nlocal, p->cut.n, p->cut.cell, p->cut.local,
                                   p->cut.w));

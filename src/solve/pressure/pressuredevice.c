@@ -40,6 +40,7 @@ PetscErrorCode PressureDestroyDevice(Pressure p)
   PetscCall(DeviceFree(d->queue, &d->all));
   PetscCall(DeviceFree(d->queue, &d->noise));
   PetscCall(PressureFreeBodiesOnDevice(p));
+  PetscCall(PressureEndRowsOnDevice(p));
   PetscCall(PressureLeaveRanks(p));
   PetscCall(PetscFree(p->device));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -137,10 +138,12 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   d->queue = FlowGetQueue(p->flow);
   PetscCall(PressureMeetRanks(p));
   PetscCall(PressureListBodiesOnDevice(p));
+  PetscCall(PressureInvertRowsOnDevice(p));
   if (!d->cycle.x) p->device_stale = PETSC_TRUE;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &p->device_stale, 1, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
   if (!p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, &d->cycle.rows, d->room));
+  if (!PressureMakesRowsOnDevice(p))
+    PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, &d->cycle.rows, d->room));
   if (!d->cycle.ranks.ctx && (!d->cycle.level || p->device_changed > KEEP * (PetscReal)p->loc->ncell)) {
     PetscCall(clear_vertices(d));
     PetscCall(take_vertices(p, d));
@@ -152,6 +155,7 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   PetscCall(find_largest(p));
   PetscCall(BlockGSSetDevice(p->nodes.matrix, d->queue, &d->cycle.rows, d->all));
   p->device_stale = PETSC_FALSE;
+  PetscCall(PressureBeginRowsOnDevice(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

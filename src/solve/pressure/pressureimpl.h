@@ -114,6 +114,18 @@ PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
    Collective. */
 PetscErrorCode PressureTakeCycle(Pressure, PC);
 
+/* Rows that are made on a device (devicemake.c); there, where nothing else is said */
+typedef struct {
+  double        *weight;   /* [nnode][3] of nodes; NULL: rows come from the host */
+  int           *where;    /* [ncell] work */
+  const int     *row, *at; /* of a call, as `block` [..][16] */
+  double        *block;
+  PetscInt      *own, used;     /* host: [ncell] place of a row's own, in blocks, or -1; blocks in use */
+  PetscInt      *fresh, nfresh; /* host: rows whose inverses are to be made anew */
+  unsigned char *listed;        /* host: [ncell] is a row among them? */
+  size_t         capacity[3];
+} RowsMade;
+
 /* The cycle on a device, and what bodies have in it */
 struct _p_PressureDevice {
   const DeviceQueue *queue;
@@ -127,6 +139,7 @@ struct _p_PressureDevice {
   double            *sums;     /* [DEVICE_PARTIAL + 2] */
   PetscReal         *here;     /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
   double            *correction, *all; /* of products, with blocks of other ranks */
+  RowsMade           made;
 };
 
 /* pressuredevice.c: is the cycle done on a device? In space. Its set-up, where rows have changed; z = cycle
@@ -144,6 +157,14 @@ PetscErrorCode PressureFreeBodiesOnDevice(Pressure);
 PetscErrorCode PressureMultOnDevice(Pressure, Vec x, Vec y);
 PetscErrorCode PressureMakeConsistentOnDevice(Pressure, PetscReal r[]);
 PetscErrorCode PressureSumBodiesOnDevice(Pressure, ContactCoupling ties, PetscReal U[]);
+
+/* devicemake.c: are rows made there? From the first set-up on, with bodies on one rank; n nodes have another weight,
+   the listed cells other rows; inverses, when the bodies of the step are there. Not collective. */
+PetscBool      PressureMakesRowsOnDevice(Pressure);
+PetscErrorCode PressureBeginRowsOnDevice(Pressure);
+PetscErrorCode PressureEndRowsOnDevice(Pressure);
+PetscErrorCode PressureMakeRowsOnDevice(Pressure, const PetscReal weight[], PetscInt n, const PetscInt node[]);
+PetscErrorCode PressureInvertRowsOnDevice(Pressure);
 
 /* deviceranks.c: on several ranks, what the cycle has to do with the others. Not collective. */
 PetscErrorCode PressureMeetRanks(Pressure);

@@ -327,21 +327,27 @@ static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const Pet
 
 PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscInt n, const PetscInt changed[])
 {
-  const MeshLocal        *l   = p->loc;
-  const PetscInt          dim = l->dim;
+  const MeshLocal        *l     = p->loc;
+  const PetscInt          dim   = l->dim;
+  const PetscBool         there = PressureMakesRowsOnDevice(p);
   const PetscReal *const *b;
+  PetscInt               *node, nnode = 0; /* whose weights are others, where rows are made there */
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
+  PetscCall(PetscMalloc1(there ? l->nnode_all : 0, &node));
   PressureStartList(p);
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     PetscBool other = PETSC_FALSE;
 
     for (PetscInt a = 0; a < dim; a++) other = (PetscBool)(other || weight[i * dim + a] != p->weight[i * dim + a]);
     if (other) PressureListCellsOfNode(p, i);
+    if (other && there) node[nnode++] = i;
   }
   for (PetscInt i = 0; i < n; i++) list_cell(p, changed[i]);
-  PetscCall(set_rows(p, b, weight));
+  if (there) PetscCall(PressureMakeRowsOnDevice(p, weight, nnode, node));
+  else PetscCall(set_rows(p, b, weight));
+  PetscCall(PetscFree(node));
   if (p->list.n) p->device_stale = PETSC_TRUE;
   p->device_changed += (PetscReal)p->list.n;
   PetscCall(MatAssemblyBegin(p->nodes.matrix, MAT_FINAL_ASSEMBLY));
