@@ -4,7 +4,8 @@
      neo_hookean           mu/2 (F : F - dim - 2 ln J) + lambda/2 (J - 1)^2
      st_venant_kirchhoff   mu E : E + lambda/2 (tr E)^2
    mu is the shear modulus, lambda = 2 mu nu/(1 - 2 nu) Lame's first one; in the plane strain is plane. Poisson's number
-   1/2 is an incompressible solid: lambda is 0 here, and what holds the volume is the pressure of others. Where others
+   1/2 is an incompressible solid: lambda is 0 here, and what holds the volume is the pressure of others; `bulk` adds
+   bulk/2 (J - 1)^2 for what that does not see (Vadala-Roth, Acharya, Patankar, Rossi & Griffith 2020). Where others
    carry the isotropic part of a compressible solid, p = -kappa (J - 1), `kappa` is taken off: P - kappa (J - 1) J F^-T.
    Stresses in the unit of mu.
 
@@ -27,6 +28,7 @@ typedef enum {
 typedef struct {
   SolidLaw  law;
   PetscReal mu, lambda;
+  PetscReal bulk;    /* of what holds the volume at a point, 0: nothing does */
   PetscReal kappa;   /* of the isotropic part that others carry, 0: none */
   PetscReal area;    /* of a membrane: what resists a change of area */
   PetscReal bending; /* likewise, force times length: see solid/element.h */

@@ -14,6 +14,10 @@
    do. Where its nodes are fewer some of that has no stiffness, and the solid is too soft, by an amount that is that of
    the mesh (runs/studies/elastic). */
 #define SOLID_FINER 0.6667
+/* SolidMaterial.bulk of incompressible solids over their shear modulus. The pressure of the flow holds their volume in
+   its own cells, with one polynomial each; nothing else holds it at points, whose errors grew to that of the volume
+   itself where a solid was squeezed, until it crumpled (runs/studies/elastic). */
+#define SOLID_BULK 10
 
 typedef struct {
   char          name[64];
@@ -22,7 +26,7 @@ typedef struct {
   SolidMaterial material;  /* kappa 0; lambda 0 where it is incompressible */
   PetscReal     stiffness; /* as a pressure: the shear modulus, of a membrane over its radius */
   PetscBool     compressible, membrane;
-  PetscReal     density, viscosity, volume_return;
+  PetscReal     density, viscosity;
   PetscInt      first, count; /* of the solids; those of several are neither held nor watched */
   PetscBool    *clamped;      /* [mesh.nnode] */
   PetscInt      nclamped;

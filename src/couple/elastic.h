@@ -7,7 +7,7 @@
    f the force of the law, K its tangent, M_s the mass of the reference mesh, V what a solid is more viscous. The fluid
    inside keeps its inertia: m = rho_s - rho_f. The isotropic part of a compressible solid is the pressure's,
    p = -kappa (J - 1): continuity of the cells inside reads B u + C p = g (FlowAddVolume), and an incompressible one has
-   there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return).
+   there the return of its volume, g alone; what the flow's pressures do not see of it is its law's (SOLID_BULK).
 
    A membrane is the same with the nodes of a surface, in whose E and force there is only K and f; inside is the fluid,
    and its volume is kept by a step of its nodes along the normal (SolidKeepVolume), which the flow does not see.

@@ -238,8 +238,7 @@ static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g
   }
   PetscCall(find_volume(e, nk, cell, entry, &at));
   for (PetscInt i = 0; i < nk * nk; i++) e->volume_C[at * nk * nk + i] += give * psi[i / nk] * psi[i % nk];
-  for (PetscInt i = 0; i < nk; i++)
-    e->volume_g[at * nk + i] -= w * rate * psi[i] * (g->compressible ? 1 : g->volume_return);
+  for (PetscInt i = 0; i < nk; i++) e->volume_g[at * nk + i] -= w * rate * psi[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -68,7 +68,7 @@ static void add_isotropic(PetscInt n, PetscReal k, PetscReal J, const PetscReal 
 PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
 {
   const PetscInt n = dim * dim;
-  PetscReal      inv[9], J, k = -m->kappa;
+  PetscReal      inv[9], J, k = m->bulk - m->kappa;
 
   if (m->law >= SOLID_MEMBRANE_NEO_HOOKEAN) return MembraneLawStress(dim, m, F, P, C);
   J = DenseInvertMap(dim, F, inv);
@@ -91,7 +91,7 @@ PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F
   J = DenseDeterminant(dim, F);
   if (m->law == SOLID_NEO_HOOKEAN) {
     for (PetscInt e = 0; e < dim * dim; e++) norm += F[e] * F[e];
-    return 0.5 * m->mu * (norm - (PetscReal)dim - 2 * PetscLogReal(J)) + 0.5 * m->lambda * PetscSqr(J - 1);
+    return 0.5 * m->mu * (norm - (PetscReal)dim - 2 * PetscLogReal(J)) + 0.5 * (m->lambda + m->bulk) * PetscSqr(J - 1);
   }
   for (PetscInt e = 0; e < dim * dim; e++) {
     PetscReal E = -0.5 * (e % (dim + 1) == 0);
@@ -100,5 +100,5 @@ PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F
     norm += E * E;
     if (e % (dim + 1) == 0) trace += E;
   }
-  return m->mu * norm + 0.5 * m->lambda * PetscSqr(trace);
+  return m->mu * norm + 0.5 * m->lambda * PetscSqr(trace) + 0.5 * m->bulk * PetscSqr(J - 1);
 }

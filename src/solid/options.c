@@ -39,8 +39,5 @@ static const OptSpec SPECS[] = {
    .help =
      "points in space at the start, one after the other: displacements of the solid's nodes there become columns of series.csv",
    .when = ELASTIC, .also = "probe, points, monitor"},
-  {"-particle_<group>_volume_return", OPT_REAL, "", 0, 1, "1",
-   .help = "fraction of the error of an incompressible solid's volume, cell by cell, that a step takes back",
-   .when = ELASTIC, .expert = PETSC_TRUE},
 };
 OPT_TABLE("solid: elastic particles", SPECS)

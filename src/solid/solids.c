@@ -38,8 +38,7 @@ static PetscErrorCode refuse_slip(const char group[])
 /* What is of solids alone: a membrane has no volume, and what is in it is the fluid */
 static PetscErrorCode refuse_of_solids(const char group[])
 {
-  static const char *const OF_SOLIDS[] = {"_density",         "_shear_modulus", "_poisson",
-                                          "_solid_viscosity", "_viscosity",     "_volume_return"};
+  static const char *const OF_SOLIDS[] = {"_density", "_shear_modulus", "_poisson", "_solid_viscosity", "_viscosity"};
   char                     name[OPT_NAME];
 
   PetscFunctionBeginUser;
@@ -87,11 +86,10 @@ static PetscErrorCode read_material(SolidGroup *g)
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_poisson", name), &poisson));
   g->compressible    = (PetscBool)(poisson < 0.5);
   g->material.lambda = g->compressible ? 2 * g->material.mu * poisson / (1 - 2 * poisson) : 0;
+  g->material.bulk   = g->compressible ? 0 : SOLID_BULK * g->material.mu;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_viscosity", name), &g->viscosity));
   g->density = 1;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_density", name), &g->density));
-  g->volume_return = 1;
-  PetscCall(OptReal(OptJoin("-particle_", g->name, "_volume_return", name), &g->volume_return));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

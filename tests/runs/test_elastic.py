@@ -103,7 +103,7 @@ def test_anchored(rows, scene, dt, time, column, value):
 
 
 def test_squeezed_under_the_lid(rows):
-    """Where 24 x 24 cells have the centre at t 5.6, (.620, .842), after the time at which it crumples with the whole error taken back in a step."""
+    """Where 24 x 24 cells have the centre at t 5.6, (.620, .842), after the time at which it crumpled while nothing held its volume at points."""
     series = rows("soft-disc-cavity", "-mesh_cells", "16,16", "-sim_time", "5.6", "-output_every", "0")
     assert series[-1]["solid_x_soft"] == pytest.approx(0.620, abs=0.015) and series[-1]["solid_y_soft"] == pytest.approx(0.842, abs=0.015)
     assert max(row["momentum_error"] for row in series) < 1e-9 and abs(series[-1]["solid_volume_error_soft"]) < 1e-12

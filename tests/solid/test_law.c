@@ -8,8 +8,10 @@ static const SolidMaterial MATERIALS[] = {{.law = SOLID_NEO_HOOKEAN, .mu = 1.3},
                                           {.law = SOLID_NEO_HOOKEAN, .mu = 1.3, .lambda = 2.1},
                                           {.law = SOLID_NEO_HOOKEAN, .mu = 1.3, .lambda = 2.1, .kappa = 0.7},
                                           {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .lambda = 2.1},
-                                          {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .lambda = 2.1, .kappa = 2.1}};
-#define NMATERIALS 5
+                                          {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .lambda = 2.1, .kappa = 2.1},
+                                          {.law = SOLID_NEO_HOOKEAN, .mu = 1.3, .bulk = 13},
+                                          {.law = SOLID_ST_VENANT_KIRCHHOFF, .mu = 1.3, .bulk = 13}};
+#define NMATERIALS 7
 
 static void some_gradient(PetscInt dim, PetscReal F[])
 {
