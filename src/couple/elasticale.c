@@ -8,6 +8,9 @@
 
 #define NEAR  0.3 /* of the smallest cell: edges at a solid */
 #define POWER 1.5
+#define ROW   20 /* vertices that share a cell with one, and more where levels jump */
+
+static const PetscInt CORNER[4] = {0, 2, 6, 8};
 
 struct _p_ElasticAle {
   Flow               flow;
@@ -117,31 +120,55 @@ static void move_material(ElasticAle f, const PetscReal x[])
 
 /* ---- vertices that follow ---- */
 
+/* Positions of the corners of local cell c from the vertices in its corner slots: beside a larger cell a corner lies
+   halfway between two of them */
+static const PetscReal (*corners_of(const MeshLocal *l, PetscInt c))[8]
+{
+  static const PetscReal THEMSELVES[8][8] = {{1}, {0, 1}, {0, 0, 1}, {0, 0, 0, 1}};
+  const MeshHang        *h                = MeshCellHang(l, c);
+
+  return h ? h->corner : THEMSELVES;
+}
+
+/* w (d_p - d_q)^2/2 of the edge between corners p and q of local cell c */
+static PetscErrorCode add_edge(ElasticAle f, PetscInt c, PetscInt p, PetscInt q, const PetscReal distance[])
+{
+  const MeshLocal *l          = f->loc;
+  const PetscReal(*corner)[8] = corners_of(l, c);
+  const PetscReal *from[2]    = {corner[p], corner[q]};
+  PetscReal        w, far[2] = {0, 0};
+  PetscInt         node[4];
+
+  PetscFunctionBeginUser;
+  for (PetscInt v = 0; v < 4; v++) {
+    node[v] = l->cell_node[c * l->nb + CORNER[v]];
+    for (PetscInt i = 0; i < 2; i++) far[i] += from[i][v] * distance[node[v]];
+  }
+  w = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (far[0] + far[1])), POWER);
+  for (PetscInt e = 0; e < 16; e++) {
+    const PetscInt  i = node[e / 4], j = node[e % 4];
+    const PetscReal a = w * (from[0][e / 4] - from[1][e / 4]) * (from[0][e % 4] - from[1][e % 4]);
+
+    if (a == 0 || f->kind[i]) continue;
+    PetscCall(MatSetValue(f->kind[j] ? f->fixed : f->L, f->vertex[i], f->vertex[j], f->kind[j] ? -a : a, ADD_VALUES));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Weights of the edges of own cells; those on the boundary of the rank's cells come from the neighbour, too */
 static PetscErrorCode assemble(ElasticAle f, const PetscReal distance[], PetscInt nown)
 {
-  const MeshLocal *l = f->loc;
+  static const PetscInt EDGE[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
+  const MeshLocal      *l          = f->loc;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
     Mat *A = i ? &f->fixed : &f->L;
 
-    PetscCall(MatCreateAIJ(f->comm, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, 9, NULL, 9, NULL, A));
+    PetscCall(MatCreateAIJ(f->comm, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, ROW, NULL, ROW, NULL, A));
     PetscCall(MatSetOption(*A, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   }
-  for (PetscInt e = 0; e < 4 * l->ncell; e++) {
-    const PetscInt *node = l->cell_node + e / 4 * l->nb, i = node[ELEMENT_EDGE[e % 4][0]],
-                   j  = node[ELEMENT_EDGE[e % 4][2]];
-    const PetscReal w = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (distance[i] + distance[j])), POWER);
-
-    for (PetscInt side = 0; side < 2; side++) {
-      const PetscInt p = side ? j : i, q = side ? i : j;
-
-      if (f->kind[p]) continue;
-      PetscCall(MatSetValue(f->L, f->vertex[p], f->vertex[p], w, ADD_VALUES));
-      PetscCall(MatSetValue(f->kind[q] ? f->fixed : f->L, f->vertex[p], f->vertex[q], f->kind[q] ? w : -w, ADD_VALUES));
-    }
-  }
+  for (PetscInt e = 0; e < 4 * l->ncell; e++) PetscCall(add_edge(f, e / 4, EDGE[e % 4][0], EDGE[e % 4][1], distance));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (f->vertex[i] >= 0 && f->kind[i]) PetscCall(MatSetValue(f->L, f->vertex[i], f->vertex[i], 1, ADD_VALUES));
   for (PetscInt i = 0; i < 2; i++) {
@@ -235,26 +262,50 @@ static PetscErrorCode smooth_displacements(ElasticAle f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodes between vertices that follow: middle of edges, centre by transfinite interpolation */
-static PetscErrorCode place_middles(ElasticAle f)
+/* Does slot j of local cell c hold a node of a larger cell that lies elsewhere? */
+static PetscBool hangs(const MeshLocal *l, PetscInt c, PetscInt j)
 {
-  const MeshLocal *l = f->loc;
+  const MeshHang *h = MeshCellHang(l, c);
 
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    const PetscInt *node = l->cell_node + c * l->nb;
+  for (PetscInt r = 0; h && r < h->n; r++)
+    if (h->slot[r] == j) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
 
-    for (PetscInt e = 0; e < 4; e++)
-      for (PetscInt a = 0; a < 2 && !f->kind[node[ELEMENT_EDGE[e][1]]]; a++)
-        f->d[2 * node[ELEMENT_EDGE[e][1]] + a] = 0.5 * (f->d[2 * node[ELEMENT_EDGE[e][0]] + a] +
-                                                        f->d[2 * node[ELEMENT_EDGE[e][2]] + a]);
-    for (PetscInt a = 0; a < 2 && !f->kind[node[4]]; a++) {
-      PetscReal sum = 0;
+/* Of local cell c: middles of edges between vertices that follow, of those that it shares with a larger cell that one
+   moves the middle; the centre by transfinite interpolation */
+static void place_middles_of(ElasticAle f, PetscInt c)
+{
+  const PetscInt *node        = f->loc->cell_node + c * f->loc->nb;
+  const PetscReal(*corner)[8] = corners_of(f->loc, c);
+  PetscReal d[18]             = {0};
 
-      for (PetscInt j = 0; j < 9; j++) sum += j == 4 ? 0 : (j % 2 ? 0.5 : -0.25) * f->d[2 * node[j] + a];
-      f->d[2 * node[4] + a] = sum;
+  for (PetscInt v = 0; v < 16; v++)
+    for (PetscInt a = 0; a < 2; a++)
+      d[2 * CORNER[v / 4] + a] += corner[v / 4][v % 4] * f->d[2 * node[CORNER[v % 4]] + a];
+  for (PetscInt e = 0; e < 4; e++) {
+    const PetscInt  m   = ELEMENT_EDGE[e][1];
+    const PetscBool its = (PetscBool)!hangs(f->loc, c, m);
+
+    for (PetscInt a = 0; a < 2; a++) {
+      d[2 * m + a] = its && f->kind[node[m]] ? f->d[2 * node[m] + a]
+                                             : 0.5 * (d[2 * ELEMENT_EDGE[e][0] + a] + d[2 * ELEMENT_EDGE[e][2] + a]);
+      if (its) f->d[2 * node[m] + a] = d[2 * m + a];
     }
   }
+  for (PetscInt a = 0; a < 2 && !f->kind[node[4]]; a++) {
+    PetscReal sum = 0;
+
+    for (PetscInt j = 0; j < 9; j++) sum += j == 4 ? 0 : (j % 2 ? 0.5 : -0.25) * d[2 * j + a];
+    f->d[2 * node[4] + a] = sum;
+  }
+}
+
+/* Nodes between vertices that follow */
+static PetscErrorCode place_middles(ElasticAle f)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) place_middles_of(f, c);
   PetscCall(MeshSyncNodes(f->mesh, 2, f->d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -276,9 +327,6 @@ PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState 
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   PetscCall(MeshGetComm(f->mesh, &f->comm));
-  PetscCheck(!f->loc->hang, f->comm, PETSC_ERR_SUP,
-             "-mesh_levels: a mesh with cells of several levels does not follow elastic particles that are held: remove -mesh_levels, or use "
-             "-couple_method penalty");
   n = f->loc->nnode_all;
   PetscCall(PetscCalloc5(2 * n, &f->start, 2 * n, &f->d, 2 * n, &f->now, 2 * n, &f->old, 2 * n, &f->velocity));
   PetscCall(PetscCalloc3(n, &f->all, n, &f->kind, n, &f->vertex));

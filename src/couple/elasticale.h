@@ -6,6 +6,8 @@
    that are the stiffer the nearer they are, 1/(.3 h + distance)^(3/2); nodes between vertices stay in the middle.
    Velocities stay with their nodes, the velocity of these is in the convection (FlowSetMeshVelocity), as for
    -mesh_deform: no label changes, nothing is interpolated. It ends when a cell folds.
+   On a mesh of several levels (mesh/hang.h) the vertices are those of their own; a corner beside a larger cell stays in
+   the middle of its edge.
 
    The matrix of the displacements is factorised once. Boundaries of the domain and rigid bodies stay where they are. */
 #pragma once
@@ -16,8 +18,7 @@
 typedef struct _p_ElasticAle *ElasticAle;
 
 /* On the mesh as it is, lined up with the solids where they were at the start; the surfaces, of the same solids, are
-   set to that, cell_solid [ncell_all] is copied, node_body [nnode_all]: nodes of rigid bodies. Collective. Errors:
-   refined meshes. */
+   set to that, cell_solid [ncell_all] is copied, node_body [nnode_all]: nodes of rigid bodies. Collective. */
 PetscErrorCode ElasticAleCreate(Flow, MeshUpdate, const SolidsState *, ElasticSurfaces, const PetscInt cell_solid[],
                                 const PetscInt node_body[], ElasticAle *);
 PetscErrorCode ElasticAleDestroy(ElasticAle *);

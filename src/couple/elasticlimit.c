@@ -1,6 +1,7 @@
 /* Elastic, limits of a step: no node of a solid goes further than a cell of the flow, so that none leaps over the cell
-   in which contact keeps it away, and no cell of a solid is strained by more than a half, so that its nodes as they are
-   predicted do not cross. Waves of the material are implicit and limit nothing. */
+   in which contact keeps it away (but where the mesh goes along with solids that are held), and no cell of a solid is
+   strained by more than a half, so that its nodes as they are predicted do not cross. Waves of the material are
+   implicit and limit nothing. */
 #include "compat.h"
 #include "elastic.h"
 #include "impl.h"
@@ -44,7 +45,7 @@ static PetscReal find_longest(const Elastic *e, Couple c, const PetscReal u[])
   const SolidsState *s       = e->s;
   PetscReal          longest = PETSC_MAX_REAL, rate;
 
-  for (PetscInt i = 0; i < s->nnode; i++) {
+  for (PetscInt i = 0; i < s->nnode && !e->ale; i++) {
     PetscReal square = 0;
 
     for (PetscInt a = 0; a < s->dim; a++) square += PetscSqr(u[s->dim * i + a]);

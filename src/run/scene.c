@@ -207,8 +207,7 @@ static PetscErrorCode create_reports(SimComponents *sim, const MeshLocal *l, Pet
   PetscCall(MonitorCreate(sim->comm, sim->bodies, &sim->monitor));
   if (deformation) PetscCall(report_deformation(sim->monitor, deformation));
   if (packing->bodies) PetscCall(report_packing(sim->monitor, packing));
-  PetscCall(CheckpointCreate(sim->mesh, (PetscBool)(sim->deform || (sim->solids && !sim->refine)), sim->fields,
-                             &sim->checkpoint));
+  PetscCall(CheckpointCreate(sim->mesh, (PetscBool)(sim->deform || sim->solids), sim->fields, &sim->checkpoint));
   if (sim->flow) PetscCall(DiagnosticsCreate(sim->flow, sim->bodies, sim->couple, sim->monitor, &sim->diagnostics));
   if (sim->flow)
     PetscCall(MeshAdaptCreate(sim->refine, steady, sim->flow, sim->couple, sim->bodies, sim->contact, sim->monitor,

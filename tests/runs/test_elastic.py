@@ -41,6 +41,18 @@ def test_fsi1(rows, tmp_path, shift):
     assert last["solid_force_y_flag"] + float(body["force_y"]) == pytest.approx(0.7638, rel=0.01)
 
 
+# Cells halved around cylinder and beam
+LEVELS = ["-mesh_focus_h", "0.02", "-mesh_levels", "1", "-mesh_refine", "bodies,expression", "-mesh_distance", "max(abs(x-0.4)-0.2, abs(y-0.2)-0.01)"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_fsi1_on_levels(rows, ranks):
+    """A mesh that goes along, of two levels: with 19,224 unknowns the values of 32,904."""
+    last = rows("fsi1", *LEVELS, "-output_every", "0", ranks=ranks)[-1]
+    assert last["watch_x_flag_1"] == pytest.approx(2.264e-5, rel=0.001) and last["watch_y_flag_1"] == pytest.approx(8.187e-4, rel=0.001)
+    assert last["solid_force_y_flag"] == pytest.approx(0.7584, rel=0.001)
+
+
 def test_csm2(rows):
     """Turek & Hron: -.4690, -16.97 mm"""
     last = rows("csm", "-sim_dt", "1000", "-sim_time", "2000", "-particle_flag_shear_modulus", "2e6")[-1]
@@ -183,11 +195,12 @@ def test_restart(rows, method):
 FSI = ["-flow_time", "bdf2", "-flow_bc_left_ramp", "0.5", "-sim_dt", "0.05"]
 
 
-def test_fsi1_restart(rows):
-    """A solid that is held, whose material the mesh follows: a restart has the same bits."""
-    whole = rows("fsi1", *FSI, "-sim_steps", "3", "-checkpoint_every", "2", folder="whole")[-1]
-    rows("fsi1", *FSI, "-sim_steps", "2", "-checkpoint_every", "2", folder="part")
-    again = rows("fsi1", *FSI, "-sim_steps", "3", "-checkpoint_every", "2", "-sim_restart", "latest", folder="part")[-1]
+@pytest.mark.parametrize("mesh", [[], LEVELS])
+def test_fsi1_restart(rows, mesh):
+    """A solid that is held, whose material the mesh follows, on one level and on two: a restart has the same bits."""
+    whole = rows("fsi1", *mesh, *FSI, "-sim_steps", "3", "-checkpoint_every", "2", folder="whole")[-1]
+    rows("fsi1", *mesh, *FSI, "-sim_steps", "2", "-checkpoint_every", "2", folder="part")
+    again = rows("fsi1", *mesh, *FSI, "-sim_steps", "3", "-checkpoint_every", "2", "-sim_restart", "latest", folder="part")[-1]
     for name in ("watch_x_flag_1", "watch_y_flag_1", "solid_force_x_flag", "kinetic_energy"):
         assert again[name] == whole[name], name
 
