@@ -115,7 +115,7 @@ static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMet
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi  = f->element.phi + q * f->element.nbp,
                     scale = FlowDensity(f, c) * f->step.theta * m->weight[q];
-    PetscReal g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
+    PetscReal g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0}, row[MESH_MAX_NB * 3];
 
     ElementGradients(&f->element, m, q, g);
     for (PetscInt j = 0; j < nb; j++)
@@ -123,10 +123,12 @@ static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMet
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
-    for (PetscInt i = 0; i < rows; i++)
+    for (PetscInt a = 0; a < dim; a++) {
       for (PetscInt j = 0; j < rows; j++)
-        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] +
-                                           f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
+        row[j] = phi[j / dim] * grad[a][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[a];
+      for (PetscInt i = 0; i < nb; i++)
+        for (PetscInt j = 0; j < rows; j++) n[(i * dim + a) * rows + j] += phi[i] * row[j];
+    }
   }
 }
 
