@@ -15,9 +15,11 @@ struct _p_FlowFiner {
   FinerTables      t;
   PetscInt         ns;                 /* functions of a node in the middle of a side */
   unsigned char   *given;              /* [nnode_all] */
+  PetscReal       *solution;           /* velocity of the flow [nnode_all][dim] */
   PetscReal       *count;              /* [nnode_all] cells of the fluid around a node; 0: sides of two sizes meet */
   PetscReal       *v, *p, *cell;       /* found [ncell][nw][dim], [ncell][nl]; answer [ncell][nb][dim] */
   PetscReal       *residual, *average; /* [nnode_all][ns][dim] */
+  PetscInt         sweeps;
   FlowFinerResult  result;
 };
 
@@ -162,7 +164,7 @@ PetscBool FlowCanBeFiner(Flow f)
                      o->nterms + o->noperators + o->nforces + o->nvolumes == 0);
 }
 
-PetscErrorCode FlowFinerCreate(Flow f, const unsigned char given[], FlowFiner *finer)
+PetscErrorCode FlowFinerCreate(Flow f, const unsigned char given[], const PetscReal u[], FlowFiner *finer)
 {
   const MeshLocal *l = f->loc;
   FlowFiner        s;
@@ -175,8 +177,9 @@ PetscErrorCode FlowFinerCreate(Flow f, const unsigned char given[], FlowFiner *f
   s->l  = l;
   s->ns = l->dim == 2 ? 1 : SHARED;
   FinerFillTables(l->dim, &s->t);
-  PetscCall(PetscMalloc1(l->nnode_all, &s->given));
+  PetscCall(PetscMalloc2(l->nnode_all, &s->given, l->nnode_all * l->dim, &s->solution));
   PetscCall(PetscArraycpy(s->given, given, l->nnode_all));
+  PetscCall(PetscArraycpy(s->solution, u, l->nnode_all * l->dim));
   PetscCall(
     PetscCalloc3(l->ncell * s->t.nw * l->dim, &s->v, l->ncell * s->t.nl, &s->p, l->ncell * l->nb * l->dim, &s->cell));
   PetscCall(PetscCalloc3(l->nnode_all, &s->count, l->nnode_all * s->ns * l->dim, &s->residual,
@@ -205,7 +208,7 @@ PetscErrorCode FlowFinerDestroy(FlowFiner *finer)
   PetscCall(PetscFree3(load, source, cell));
   PetscCall(PetscFree3(s->v, s->p, s->cell));
   PetscCall(PetscFree3(s->count, s->residual, s->average));
-  PetscCall(PetscFree(s->given));
+  PetscCall(PetscFree2(s->given, s->solution));
   PetscCall(PetscFree(*finer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -250,10 +253,18 @@ static PetscErrorCode solve_cells(FlowFiner s, const PetscReal u[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Less r [nb][dim] of a cell */
+static void subtract(const MeshLocal *l, PetscInt c, PetscReal r[], PetscReal load[])
+{
+  MeshCellScatter(l, c, l->dim, r);
+  for (PetscInt i = 0; i < l->nb * l->dim; i++)
+    load[l->cell_node[c * l->nb + i / l->dim] * l->dim + i % l->dim] -= r[i];
+}
+
 PetscErrorCode FlowFinerFind(FlowFiner s, const PetscReal u[], const PetscReal p[], const FlowFinerResult **result)
 {
   const MeshLocal *l      = s->l;
-  PetscReal       *load   = (PetscReal *)s->result.load, sum[6];
+  PetscReal       *load   = (PetscReal *)s->result.load, sum[6], moved[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3];
   PetscReal       *source = (PetscReal *)s->result.volume.g;
   FinerSums        sums   = {.energy = 0};
   FinerCell        cell;
@@ -268,10 +279,14 @@ PetscErrorCode FlowFinerFind(FlowFiner s, const PetscReal u[], const PetscReal p
     if (FlowIsInactive(s->f, c)) continue;
     PetscCall(gather(s, c, u, p, &cell, &found));
     FinerAnswer(&cell, &found, answer, source + c * (l->dim + 1), &sums);
-    MeshCellScatter(l, c, l->dim, answer);
-    for (PetscInt i = 0; i < l->nb * l->dim; i++)
-      load[l->cell_node[c * l->nb + i / l->dim] * l->dim + i % l->dim] -= answer[i];
+    subtract(l, c, answer, load);
+    if (s->sweeps == 0 || !s->f->par.convection) continue;
+    FlowCellGather(l, c, s->solution, moved);
+    for (PetscInt i = 0; i < l->nb * l->dim; i++) moved[i] = cell.u[i] - moved[i];
+    FinerConvect(&cell, moved, r); /* a system that is linear about the solution lacks it */
+    subtract(l, c, r, load);
   }
+  s->sweeps++;
   PetscCall(MeshSumNodes(s->f->mesh, l->dim, load));
   PetscCall(PetscArraycpy(sum, sums.velocity, 3));
   sum[3] = sums.energy;

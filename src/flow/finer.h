@@ -51,3 +51,5 @@ PetscErrorCode FinerSolve(const FinerCell *, const PetscReal r[], const FinerFou
 /* What `found` adds to the momentum residual r [nb][dim] of a cell and takes from its continuity, source [dim + 1]; its
    integrals are added. Local. */
 void FinerAnswer(const FinerCell *, const FinerFound *found, PetscReal r[], PetscReal source[], FinerSums *);
+/* r [nb][dim]: convection of a velocity u [nb][dim] by itself. Local. */
+void FinerConvect(const FinerCell *, const PetscReal u[], PetscReal r[]);

@@ -411,6 +411,16 @@ static void add_sums(const FlowParameters *par, PetscInt dim, const Field *u, co
   }
 }
 
+/* At the points */
+static void add_fields(const FinerTables *t, const Field *u, const Field *v, Field *sum)
+{
+  for (PetscInt a = 0; a < t->dim; a++)
+    for (PetscInt q = 0; q < t->nq; q++) {
+      sum->u[a][q] = u->u[a][q] + v->u[a][q];
+      for (PetscInt b = 0; b < t->dim; b++) sum->g[a][b][q] = u->g[a][b][q] + v->g[a][b][q];
+    }
+}
+
 void FinerAnswer(const FinerCell *cell, const FinerFound *found, PetscReal r[], PetscReal source[], FinerSums *sums)
 {
   const FinerTables *t   = cell->t;
@@ -423,7 +433,7 @@ void FinerAnswer(const FinerCell *cell, const FinerFound *found, PetscReal r[], 
   set_metric(cell, &o);
   find_field(t, &o, cell->u, NULL, &u);
   find_field(t, &o, NULL, found->v, &v);
-  find_field(t, &o, cell->u, found->v, &both);
+  add_fields(t, &u, &v, &both);
   for (PetscInt q = 0; q < t->nq; q++) {
     PetscReal div = 0;
 
@@ -443,6 +453,26 @@ void FinerAnswer(const FinerCell *cell, const FinerFound *found, PetscReal r[], 
   for (PetscInt a = 0; a < dim; a++) {
     set_stress(cell, &o, &v, p, a, stress);
     integrate(t, s[a], stress, sum);
+    for (PetscInt i = 0; i < t->nb; i++) r[i * dim + a] = sum[t->node[i]];
+  }
+}
+
+void FinerConvect(const FinerCell *cell, const PetscReal u[], PetscReal r[])
+{
+  const FinerTables *t   = cell->t;
+  const PetscInt     dim = t->dim;
+  Points             o;
+  Field              v;
+  PetscReal          s[3][FINER_Q], sum[FINER_Q], c[3];
+
+  set_metric(cell, &o);
+  find_field(t, &o, u, NULL, &v);
+  for (PetscInt q = 0; q < t->nq; q++) {
+    convect(&cell->f->par, dim, &v, q, c);
+    for (PetscInt a = 0; a < dim; a++) s[a][q] = o.w[q] * c[a];
+  }
+  for (PetscInt a = 0; a < dim; a++) {
+    transform(dim, t->back, -1, s[a], sum);
     for (PetscInt i = 0; i < t->nb; i++) r[i * dim + a] = sum[t->node[i]];
   }
 }

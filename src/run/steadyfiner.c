@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "steadyimpl.h"
 
-#define LINEAR_RTOL 1e-2 /* of an estimate */
+#define LINEAR_RTOL 1e-2 /* of an estimate, beside what the first sweep has to solve for */
 
 /* Components that are given at a node: by a boundary, or by a body */
 static PetscErrorCode mark_given(Steady s, unsigned char given[])
@@ -17,7 +17,8 @@ static PetscErrorCode mark_given(Steady s, unsigned char given[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The factors of the last iteration serve; a preconditioner goes by matrices that have changed since */
+/* The Jacobian of the solution: factors of the last iteration serve; a preconditioner goes by matrices that have
+   changed since */
 static PetscErrorCode set_up_last(Steady s)
 {
   PetscBool direct;
@@ -33,27 +34,36 @@ static PetscErrorCode set_up_last(Steady s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From x to what is a solution beside what was found */
-static PetscErrorCode solve_beside(Steady s, const FlowFinerResult *finer, Vec x, PetscBool *ok)
+/* f: residual at x of the system with that Jacobian, and with what was found, unless NULL */
+static PetscErrorCode find_residual(Steady s, const FlowFinerResult *finer, Vec x, Vec f)
 {
-  const PetscInt     n = s->loc->nnode_all * s->loc->dim;
-  PetscReal         *rhs, *g, *r, norm;
+  const PetscInt n = s->loc->nnode_all * s->loc->dim;
+  PetscReal     *rhs, *g, *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(s->couple, NULL, NULL, NULL, &rhs, &g));
+  PetscCall(PetscMalloc1(n, &r));
+  for (PetscInt i = 0; i < n; i++) r[i] = rhs[i] + (finer ? finer->load[i] : 0);
+  PetscCall(FlowAddVolume(s->flow, s, finer ? &finer->volume : NULL));
+  PetscCall(FlowSolverResidual(s->solver, r, g, x, f));
+  PetscCall(FlowAddVolume(s->flow, s, NULL));
+  PetscCall(PetscFree(r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x to what is a solution beside what was found; start: residual of that system at the run's solution, which has
+   none. *size: of the first of them, by which all are measured. */
+static PetscErrorCode solve_beside(Steady s, const FlowFinerResult *finer, Vec start, Vec x, PetscReal *size,
+                                   PetscBool *ok)
+{
   PetscInt           linear;
   KSPConvergedReason reason;
 
   PetscFunctionBeginUser;
-  PetscCall(SteadyLinearize(s, x));
-  PetscCall(CoupleGetSystem(s->couple, NULL, NULL, NULL, &rhs, &g));
-  PetscCall(PetscMalloc1(n, &r));
-  for (PetscInt i = 0; i < n; i++) r[i] = rhs[i] + finer->load[i];
-  PetscCall(FlowAddVolume(s->flow, s, &finer->volume));
-  PetscCall(FlowSolverSetVelocity(s->solver, NULL));
-  PetscCall(FlowSolverResidual(s->solver, r, g, x, s->f));
-  PetscCall(FlowAddVolume(s->flow, s, NULL));
-  PetscCall(PetscFree(r));
-  PetscCall(set_up_last(s));
-  PetscCall(VecNorm(s->f, NORM_2, &norm));
-  PetscCall(FlowSolverCorrect(s->solver, s->f, LINEAR_RTOL * norm, s->y, &linear, &reason));
+  PetscCall(find_residual(s, finer, x, s->f));
+  PetscCall(VecAXPY(s->f, -1, start));
+  if (*size == 0) PetscCall(VecNorm(s->f, NORM_2, size));
+  PetscCall(FlowSolverCorrect(s->solver, s->f, LINEAR_RTOL * *size, s->y, &linear, &reason));
   PetscCall(VecAXPY(x, -1, s->y));
   *ok = (PetscBool)(reason > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -79,22 +89,25 @@ PetscErrorCode SteadyFiner(Steady s, PetscErrorCode (*look)(void *, const FlowFi
   PetscReal             *u, *p;
   unsigned char         *given;
   PetscBool              direct;
-  Vec                    x;
+  PetscReal              size = 0;
+  Vec                    x, start;
 
   PetscFunctionBeginUser;
   *ok = PETSC_TRUE;
-  PetscCall(SteadyLinearize(s, s->x));
   PetscCall(PetscMalloc1(s->loc->nnode_all, &given));
   PetscCall(mark_given(s, given));
-  PetscCall(FlowFinerCreate(s->flow, given, &finer));
-  PetscCall(PetscFree(given));
   PetscCall(CoupleGetSystem(s->couple, &u, &p, NULL, NULL, NULL));
+  PetscCall(FlowFinerCreate(s->flow, given, u, &finer));
+  PetscCall(PetscFree(given));
   PetscCall(VecDuplicate(s->x, &x));
   PetscCall(VecCopy(s->x, x));
+  PetscCall(VecDuplicate(s->x, &start));
+  PetscCall(set_up_last(s));
+  PetscCall(find_residual(s, NULL, x, start));
   PetscCall(FlowSolverIsDirect(s->solver, &direct));
   for (PetscInt i = 0; i < (direct ? STEADY_SWEEPS : STEADY_SWEEPS - 1) && *ok; i++) {
     PetscCall(FlowFinerFind(finer, u, p, &result));
-    PetscCall(solve_beside(s, result, x, ok));
+    PetscCall(solve_beside(s, result, start, x, &size, ok));
     if (!*ok) break;
     PetscCall(FlowFinerCount(finer, PETSC_TRUE));
     PetscCall(show(s, x));
@@ -104,5 +117,6 @@ PetscErrorCode SteadyFiner(Steady s, PetscErrorCode (*look)(void *, const FlowFi
   PetscCall(FlowFinerDestroy(&finer));
   PetscCall(show(s, s->x));
   PetscCall(VecDestroy(&x));
+  PetscCall(VecDestroy(&start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
