@@ -42,6 +42,13 @@ typedef struct {
   PetscReal   gradient[3];
 } ScalarParameters;
 
+/* A surface with a flux by place, time and scalars: place in the frame of a body at X that is turned by the matrix R
+   (rows), X there is `origin` */
+typedef struct {
+  Expr      flux;
+  PetscReal X[3], R[9], origin[3];
+} ScalarSurface;
+
 /* What samples of a cell are made of: midpoints of n^dim sub-cells in reference coordinates, first axis fastest.
    reaction r, source f: r T - f on the left side. */
 typedef struct {
@@ -49,14 +56,18 @@ typedef struct {
   const PetscReal *capacity, *conductivity, *reaction, *source; /* [n^dim] */
   PetscInt         lump; /* of ScalarLumps: the reaction is towards its value, r (T - value); -1: towards 0 */
   PetscInt         body; /* whose surface cuts the cell: ScalarsMeasureBodies */
+  /* with a flux by an expression: the surface, area by volume of each sample [n^dim]; NULL: there is none */
+  const ScalarSurface *surface;
+  const PetscReal     *layer;
 } ScalarSamples;
 
 /* What cells are made of, borrowed until the next call; NULL arrays: the fluid alone */
 typedef struct {
   const PetscReal     *capacity, *conductivity; /* [ncell_all]; conductivity < 0: no part of the problem */
   const PetscReal     *source;                  /* [ncell_all] in addition to the option's */
-  const PetscReal     *decay;  /* [ncell_all] likewise, rates of a first-order reaction; NULL: there is none */
-  const PetscInt      *sample; /* [ncell_all] which of the samples is it, -1: none */
+  const PetscReal     *decay; /* [ncell_all] likewise, rates of a first-order reaction; NULL: there is none */
+  PetscInt             nsample;
+  const PetscInt      *sample; /* [ncell_all] which of the nsample samples is it, -1: none */
   const ScalarSamples *samples;
   /* What counts in content and mean: [ncell_all] SCALAR_COUNTS_ALL of a cell, _NOTHING, or where in `outside` the parts
      of its noutside^dim sub-cells begin (in the order of ScalarSamples), of the fluid's capacity. NULL: all of all. */
@@ -92,13 +103,6 @@ typedef struct {
   PetscErrorCode (*sum)(void *, PetscReal v[]); /* v [n]: sums over all ranks. Collective. */
   void *ctx;
 } ScalarLumps;
-
-/* A surface with a flux by place, time and scalars: place in the frame of a body at X that is turned by the matrix R
-   (rows), X there is `origin` */
-typedef struct {
-  Expr      flux;
-  PetscReal X[3], R[9], origin[3];
-} ScalarSurface;
 
 /* A side of a cell, beside those at boundaries, through which q - h T goes into it (sides as of fem/side.h) */
 typedef struct {

@@ -42,7 +42,7 @@ static const OptSpec SPECS[] = {
   {"-particle_<group_scalar>_value", OPT_REAL, "scalar", OPT_ANY, "", .help = "value of the body",
    .when = "-particle_<group_scalar>_condition value or transfer"},
   {"-particle_<group_scalar>_flux", OPT_REALS, "energy/(length^(dim-1) time)", OPT_ANY, "0",
-   .help = "flux from its surface into the fluid; with method aligned by place in the frame of the shape, and by the "
+   .help = "flux from its surface into the fluid; by place in the frame of the shape, and by the "
            "scalars' names there (a surface reaction)",
    .when = "-particle_<group_scalar>_condition flux", .variables = "x, y, z, t, scalars", .find = "janus, catalyst"},
   {"-particle_<group_scalar>_transfer", OPT_REAL, "energy/(length^(dim-1) time scalar)", OPT_FROM(0), "0",

@@ -219,21 +219,23 @@ static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k
   return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
 }
 
-/* Samples of a cut cell; pool has room for 4 count numbers */
+/* Samples of a cut cell; pool has room for 5 count numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
-                        const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
+                        const ScalarParameters *par, PetscReal scale, const ScalarSurface surface[], PetscReal *pool,
+                        ScalarSamples *out)
 {
   const PetscInt   n = s->cover.count;
   const PetscReal *size, *d = s->cover.distance + at->distance;
-  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n, width;
+  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n,
+            *layer = pool + 4 * n, width;
 
   (void)FlowGetCellSize(c->flow, &size);
   width = size[at->cell] / s->cover.nsample;
   for (PetscInt p = 0; p < n; p++) {
-    const PetscReal chi = ScalarCoverPart(d[p], width), layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0,
-                    left  = PetscMax(EMPTY, 1 - chi),
+    const PetscReal chi = ScalarCoverPart(d[p], width), left = PetscMax(EMPTY, 1 - chi),
                     sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi;
 
+    layer[p]        = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0;
     capacity[p]     = m->condition == SCALAR_BODY_CONJUGATE ? scale == 1
                                                               ? chi * m->capacity + (1 - chi) * par->capacity
                                                               : par->capacity + scale * chi * (m->capacity - par->capacity)
@@ -244,22 +246,24 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                     : ScalarMaterialHasValue(m) ? par->conductivity
                                                 : left * par->conductivity;
     reaction[p]     = ScalarMaterialHasValue(m)            ? sigma
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer[p]
                                                            : chi * m->decay * m->capacity;
     source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
-                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer[p]
+                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer[p]
                     : m->condition == SCALAR_BODY_LUMPED   ? 0
                                                            : chi * m->source;
   }
-  *out = (ScalarSamples){s->cover.nsample,
-                         at->cell,
-                         capacity,
-                         conductivity,
-                         reaction,
-                         source,
-                         m->condition == SCALAR_BODY_LUMPED ? at->body : -1,
-                         at->body};
+  *out = (ScalarSamples){.n            = s->cover.nsample,
+                         .cell         = at->cell,
+                         .capacity     = capacity,
+                         .conductivity = conductivity,
+                         .reaction     = reaction,
+                         .source       = source,
+                         .lump         = m->condition == SCALAR_BODY_LUMPED ? at->body : -1,
+                         .body         = at->body,
+                         .surface      = m->flux_of ? surface + at->body : NULL,
+                         .layer        = layer};
 }
 
 /* Of a cell inside as a whole */
@@ -270,9 +274,8 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
 
   d->capacity[at->cell]     = scale == 1 ? m->capacity : par->capacity + scale * (m->capacity - par->capacity);
   d->conductivity[at->cell] = m->condition == SCALAR_BODY_CONJUGATE ? m->conductivity : -1;
-  d->source[at->cell]       = m->source;
+  d->source[at->cell]       = m->condition == SCALAR_BODY_LUMPED ? 0 : m->source; /* its own equation has it */
   if (d->decay) d->decay[at->cell] = m->decay;
-  if (m->condition == SCALAR_BODY_LUMPED) d->source[at->cell] = 0; /* its own equation has it */
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_LUMPED; j++) d->lump[node[j]] = at->body;
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_VALUE; j++) {
     d->fixed[node[j]] = PETSC_TRUE;
@@ -304,7 +307,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
 
 static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
-  const PetscInt          each = 4 * s->cover.count;
+  const PetscInt          each = 5 * s->cover.count;
   const ScalarParameters *par;
   struct CellData        *d = s->data + i;
   PetscInt                n = 0;
@@ -324,6 +327,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
   for (PetscInt e = 0; e < c->loc->nnode_all; e++) d->lump[e] = -1;
+  PetscCall(PetscRealloc(PetscMax(1, (size_t)c->s->n) * sizeof(*d->surface), &d->surface));
+  for (PetscInt k = 0; k < c->s->n; k++) ScalarMaterialSurface(c, s->material, s->n, i, k, d->surface + k);
   for (PetscInt e = 0; e < s->cover.n; e++) n += s->cover.covered[e].distance >= 0;
   PetscCall(PetscRealloc(PetscMax(1, n) * sizeof(*d->samples), &d->samples));
   PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
@@ -339,7 +344,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (at->distance < 0 && (at->first || ScalarMaterialHasValue(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
-      set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
+      set_samples(s, c, at, m, par, scale, d->surface, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
     }
   }
@@ -348,6 +353,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
                         .conductivity = d->conductivity,
                         .source       = d->source,
                         .decay        = d->decay,
+                        .nsample      = n,
                         .sample       = d->sample,
                         .samples      = d->samples,
                         .counts       = d->counts,
@@ -374,9 +380,6 @@ static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
     PetscInt         kept = 0;
 
     PetscCall(PetscRealloc(PetscMax(1, (size_t)n) * sizeof(*d->side), &d->side));
-    PetscCall(PetscRealloc(PetscMax(1, (size_t)c->s->n) * sizeof(*d->surface), &d->surface));
-    for (PetscInt k = 0; k < c->s->n; k++)
-      ScalarMaterialSurface(c, s->material + c->s->body_group[k] * s->n + i, k, d->surface + k);
     for (PetscInt e = 0; e < n; e++) {
       const ScalarMaterial *m = s->material + c->s->body_group[side[e].body] * s->n + i;
 
@@ -401,11 +404,8 @@ static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const
   PetscCall(create_data(s, c));
   PetscCall(ScalarCoverFind(&s->cover, c, X, q));
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) s->fluid[e] = 1;
-  for (PetscInt e = 0; e < s->cover.n; e++) {
-    const CoveredCell *at = s->cover.covered + e;
-
+  for (const CoveredCell *at = s->cover.covered; at < s->cover.covered + s->cover.n; at++)
     s->fluid[at->cell] = PetscMax(0, s->fluid[at->cell] - at->inside);
-  }
   PetscCall(ScalarCoverOutside(&s->cover, c, &s->outside));
   if (s->moves) PetscCall(measure_room(s, c, scalars));
   for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));

@@ -145,12 +145,8 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
     m->starts  = (PetscBool)(m->condition == SCALAR_BODY_VALUE);
     m->initial = m->value;
   }
-  if (m->condition == SCALAR_BODY_FLUX) {
+  if (m->condition == SCALAR_BODY_FLUX)
     PetscCall(ExprRead(name_option(g, par->name, "flux", name), c->loc->dim, 1, &m->flux, &m->flux_of, NULL));
-    PetscCheck(!m->flux_of || c->method.table == &method_aligned, c->comm, PETSC_ERR_SUP,
-               "%s %s: -couple_method %s has one flux for all of a surface: use -couple_method aligned, or give a number",
-               name, ExprText(m->flux_of), c->method.table->name);
-  }
   if (m->condition == SCALAR_BODY_TRANSFER)
     PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
   PetscCall(read_expansion(c, g, par, m));
@@ -176,9 +172,11 @@ PetscErrorCode ScalarMaterialForget(ScalarMaterial *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ScalarMaterialSurface(Couple c, const ScalarMaterial *m, PetscInt k, ScalarSurface *s)
+void ScalarMaterialSurface(Couple c, const ScalarMaterial material[], PetscInt n, PetscInt i, PetscInt k,
+                           ScalarSurface *s)
 {
-  const PetscReal *centroid = BodiesGetGroup(c->s, k)->mass.centroid;
+  const PetscReal      *centroid = BodiesGetGroup(c->s, k)->mass.centroid;
+  const ScalarMaterial *m        = material + c->s->body_group[k] * n + i;
 
   *s = (ScalarSurface){.flux = m->flux_of};
   if (!m->flux_of) return;

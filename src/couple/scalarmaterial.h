@@ -25,8 +25,10 @@ typedef struct {
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
-/* Of body k with a flux by an expression, where the step has it; no flux: it has none. Local. */
-void ScalarMaterialSurface(Couple, const ScalarMaterial *, PetscInt k, ScalarSurface *);
+/* Of body k with a flux of scalar i by an expression, where the step has it, material [ngroups][n]; no flux: it has
+   none. Local. */
+void ScalarMaterialSurface(Couple, const ScalarMaterial material[], PetscInt n, PetscInt i, PetscInt k,
+                           ScalarSurface *);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does it let a flux through its surface, or exchange? */

@@ -188,11 +188,12 @@ static void add_sampled(Scalars all, const Scalar *s, PetscInt cell, const Petsc
 
   ScalarCellGetInput(all, s, cell, &in);
   for (PetscInt q = 0; q < count; q++) {
-    const PetscReal c = p->capacity[q], k = p->conductivity[q], r = p->reaction[q],
-                    part = in.acts ? ScalarSamplePart(s, cell, q) : 0;
+    const PetscReal c = p->capacity[q], k = p->conductivity[q], part = in.acts ? ScalarSamplePart(s, cell, q) : 0;
     PetscReal       phi[MESH_MAX_NB], g[3][MESH_MAX_NB], flux[3][MESH_MAX_NB], along[MESH_MAX_NB] = {0}, w[3] = {0};
     const PetscReal weight = ScalarSampleBasis(all, p->n, q, xc, phi, g);
+    PetscReal       r, source;
 
+    ScalarSampleTerms(s, cell, q, &r, &source);
     for (PetscInt j = 0; j < nb && wl; j++)
       for (PetscInt a = 0; a < dim; a++) w[a] += phi[j] * wl[j * dim + a];
     for (PetscInt j = 0; j < nb; j++)
@@ -208,7 +209,7 @@ static void add_sampled(Scalars all, const Scalar *s, PetscInt cell, const Petsc
         M[i * nbp + j] += weight * c * phi[i] * phi[j];
         A[i * nbp + j] += weight * (ct * c * phi[i] * phi[j] + theta * L);
       }
-      f[i] += weight * p->source[q] * phi[i];
+      f[i] += weight * source * phi[i];
     }
     for (PetscInt e = 0; e < nb * nb && part > 0; e++) {
       const PetscInt  i = e / nb, j = e % nb;

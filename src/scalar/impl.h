@@ -67,9 +67,11 @@ typedef struct {
 } ScalarLimits;
 
 /* What goes into a scalar in a step (source.c), linear in its value T: source q - slope T at the nodes [nnode_all],
-   flux q - h T through faces on boundaries [nface][nq][2] and other sides [nside][nq][2]: q, h. NULL: there is none. */
+   flux q - h T through faces on boundaries [nface][nq][2], other sides [nside][nq][2] and, by volume, surfaces in
+   samples [nsample][count][2]: q, h. NULL: there is none. */
 typedef struct {
-  PetscReal *q, *slope, *face, *side;
+  PetscReal *q, *slope, *face, *side, *sample;
+  PetscInt   count;  /* of the samples of a cell */
   PetscBool  reacts; /* does it go by scalars? */
 } ScalarInput;
 
@@ -179,6 +181,16 @@ typedef struct {
   PetscReal decay, q[MESH_MAX_NB], slope[MESH_MAX_NB];
 } ScalarCellInput;
 void ScalarCellGetInput(Scalars, const Scalar *, PetscInt c, ScalarCellInput *);
+/* Its sample k has the source f - r T */
+static inline void ScalarSampleTerms(const Scalar *s, PetscInt c, PetscInt k, PetscReal *r, PetscReal *f)
+{
+  const PetscInt       at  = s->cells.sample[c];
+  const ScalarSamples *p   = s->cells.samples + at;
+  const PetscReal     *has = p->surface ? s->input.sample + (at * s->input.count + k) * 2 : NULL;
+
+  *r = p->reaction[k] + (has ? has[1] : 0);
+  *f = p->source[k] + (has ? has[0] : 0);
+}
 /* Part of its sample k in which they do */
 PetscReal ScalarSamplePart(const Scalar *, PetscInt c, PetscInt k);
 /* Is it part of the problem? */

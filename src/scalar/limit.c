@@ -219,11 +219,13 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
   ScalarCellInput      in;
 
   for (PetscInt k = 0; p && k < PetscPowInt(p->n, all->loc->dim); k++) {
-    const PetscReal r = p->lump < 0 ? p->reaction[k] : 0;
+    PetscReal r, f;
 
-    if (r == 0 && p->source[k] == 0) continue;
-    widen(&all->step, p->capacity[k], r, p->source[k], low, bottom, top);
-    widen(&all->step, p->capacity[k], r, p->source[k], high, bottom, top);
+    ScalarSampleTerms(s, c, k, &r, &f);
+    if (p->lump >= 0) r = 0;
+    if (r == 0 && f == 0) continue;
+    widen(&all->step, p->capacity[k], r, f, low, bottom, top);
+    widen(&all->step, p->capacity[k], r, f, high, bottom, top);
   }
   ScalarCellGetInput(all, s, c, &in);
   for (PetscInt j = 0; j < nb && (in.acts || uniform != 0 || in.decay != 0); j++)

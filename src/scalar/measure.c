@@ -86,13 +86,13 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, PetscRe
   for (PetscInt q = 0; q < points.n; q++) {
     const PetscReal part = points.sample ? ScalarSamplePart(s, c, q) : 1;
     ScalarPoint     p;
-    PetscReal       reaction;
+    PetscReal       r = 0, source = uniform;
 
     PetscCall(ScalarCellPoint(all, &points, q, &p));
-    reaction = part * v->decay * (points.sample ? s->par.capacity : p.capacity);
-    if (points.sample && points.sample->lump < 0) reaction += points.sample->reaction[q];
-    add_point(all->loc->dim, all->loc->nb, &p, part, points.sample ? points.sample->source[q] : uniform, reaction, v,
-              b);
+    if (points.sample) ScalarSampleTerms(s, c, q, &r, &source);
+    if (points.sample && points.sample->lump >= 0) r = 0;
+    r += part * v->decay * (points.sample ? s->par.capacity : p.capacity);
+    add_point(all->loc->dim, all->loc->nb, &p, part, source, r, v, b);
     if (counts) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -310,11 +310,12 @@ static PetscErrorCode add_samples(Scalars all, const Scalar *s, PetscInt c, cons
   PetscCall(ScalarCellPoints(all, s, c, &points));
   for (PetscInt q = 0; q < points.n && points.sample->lump < 0; q++) {
     ScalarPoint p;
-    PetscReal   theta = 0;
+    PetscReal   theta = 0, r, source;
 
     PetscCall(ScalarCellPoint(all, &points, q, &p));
     for (PetscInt j = 0; j < l->nb; j++) theta += p.phi[j] * v->at.theta[j];
-    flux[points.sample->body] += p.weight * (points.sample->source[q] - points.sample->reaction[q] * theta);
+    ScalarSampleTerms(s, c, q, &r, &source);
+    flux[points.sample->body] += p.weight * (source - r * theta);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

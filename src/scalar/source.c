@@ -76,13 +76,12 @@ static PetscReal interpolate(const MeshLocal *l, PetscInt c, const PetscReal nod
   return value;
 }
 
-/* Of the points of a side of cell c, from number `first` on */
-static void set_at_side(Scalars all, PetscInt c, const PetscReal phi[], const Fields *nodal, PetscInt first, Fields *f)
+/* Of n points of cell c with the bases phi [n][MESH_MAX_NB], from number `first` on */
+static void set_at_points(Scalars all, PetscInt c, PetscInt n, const PetscReal phi[], const Fields *nodal,
+                          PetscInt first, Fields *f)
 {
-  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
-
   f->largest = nodal->largest;
-  for (PetscInt q = 0; q < nq; q++) {
+  for (PetscInt q = 0; q < n; q++) {
     for (PetscInt k = 0; k < all->n; k++)
       f->of[k][first + q] = interpolate(all->loc, c, nodal->of[k], phi + q * MESH_MAX_NB);
     if (f->start) f->start[first + q] = interpolate(all->loc, c, nodal->start, phi + q * MESH_MAX_NB);
@@ -195,7 +194,7 @@ static PetscErrorCode set_boundary(Scalars all, Scalar *s, PetscInt b, const Fie
   for (PetscInt i = 0; i < all->nface; i++) {
     if (all->face[i].boundary != b) continue;
     PetscCall(ScalarFacePoints(all, i, x + n * nq * dim, weight, phi));
-    if (uses) set_at_side(all, all->face[i].cell, phi, nodal, n * nq, &f);
+    if (uses) set_at_points(all, all->face[i].cell, nq, phi, nodal, n * nq, &f);
     face[n++] = i;
   }
   f.largest = nodal->largest;
@@ -234,7 +233,7 @@ static PetscErrorCode set_sides(Scalars all, Scalar *s, const Fields *nodal)
     for (PetscInt k = 0; k < nq; k++) q[k] = side->q;
     if (side->surface) {
       PetscCall(ScalarSidePoints(all, side->cell, side->side, x, weight, phi));
-      if (s->input.reacts) set_at_side(all, side->cell, phi, nodal, 0, &f);
+      if (s->input.reacts) set_at_points(all, side->cell, nq, phi, nodal, 0, &f);
       p = (Points){side->surface->flux, nq, x, side->surface, get_stiff(all, s) * all->loc->h};
       PetscCall(linearise(all, s, &p, &f, q, slope));
     }
@@ -244,6 +243,79 @@ static PetscErrorCode set_sides(Scalars all, Scalar *s, const Fields *nodal)
     }
   }
   PetscCall(free_fields(all, &f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Samples of cell c in the layer of a surface with a flux: their numbers k [n], positions x [n][dim], bases phi
+   [n][MESH_MAX_NB] */
+static PetscErrorCode find_layer(Scalars all, PetscInt c, const ScalarSamples *p, PetscInt *n, PetscInt k[],
+                                 PetscReal x[], PetscReal phi[])
+{
+  const PetscInt dim = all->loc->dim;
+  PetscReal      xc[MESH_MAX_NB * 3], g[3][MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  for (PetscInt i = 0; i < PetscPowInt(p->n, dim); i++) {
+    PetscReal *basis = phi + *n * MESH_MAX_NB;
+
+    if (p->layer[i] == 0) continue;
+    (void)ScalarSampleBasis(all, p->n, i, xc, basis, g);
+    for (PetscInt a = 0; a < dim; a++) {
+      x[*n * dim + a] = 0;
+      for (PetscInt j = 0; j < all->loc->nb; j++) x[*n * dim + a] += basis[j] * xc[j * dim + a];
+    }
+    k[(*n)++] = i;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The flux of the surface that cuts cell c, at its samples: has [count][2] */
+static PetscErrorCode set_layer(Scalars all, Scalar *s, PetscInt c, const ScalarSamples *p, const Fields *nodal,
+                                PetscReal has[])
+{
+  const PetscInt most = s->input.count;
+  PetscInt       n, *k;
+  PetscReal     *x, *phi, *q, *slope;
+  Fields         f = {.start = NULL};
+  Points         points;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc5(most, &k, most * 3, &x, most * MESH_MAX_NB, &phi, most, &q, most, &slope));
+  PetscCall(find_layer(all, c, p, &n, k, x, phi));
+  if (s->input.reacts) PetscCall(create_fields(all, s, n, &f));
+  if (s->input.reacts) set_at_points(all, c, n, phi, nodal, 0, &f);
+  points = (Points){p->surface->flux, n, x, p->surface, get_stiff(all, s) * all->loc->h};
+  PetscCall(linearise(all, s, &points, &f, q, slope));
+  for (PetscInt i = 0; i < n; i++) {
+    has[2 * k[i]]     = p->layer[k[i]] * q[i];
+    has[2 * k[i] + 1] = p->layer[k[i]] * slope[i];
+  }
+  PetscCall(free_fields(all, &f));
+  PetscCall(PetscFree5(k, x, phi, q, slope));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The samples of a cell if a surface with a flux cuts it, else NULL */
+static const ScalarSamples *get_cut(const Scalar *s, PetscInt c)
+{
+  const ScalarSamples *p = s->cells.sample && s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
+
+  return p && p->surface ? p : NULL;
+}
+
+static PetscErrorCode set_layers(Scalars all, Scalar *s, const Fields *nodal)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < all->loc->ncell_all; c++) {
+    const ScalarSamples *p = get_cut(s, c);
+
+    if (!p) continue;
+    s->input.count = PetscPowInt(p->n, all->loc->dim);
+    if (!s->input.sample) PetscCall(PetscCalloc1(s->cells.nsample * s->input.count * 2, &s->input.sample));
+    PetscCall(set_layer(all, s, c, p, nodal, s->input.sample + s->cells.sample[c] * s->input.count * 2));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -261,6 +333,7 @@ PetscErrorCode ScalarSetInput(Scalars all, Scalar *s)
     PetscCall(set_boundary(all, s, b, &nodal));
   }
   PetscCall(set_sides(all, s, &nodal));
+  PetscCall(set_layers(all, s, &nodal));
   PetscCall(free_fields(all, &nodal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -274,6 +347,8 @@ PetscBool ScalarHasSink(Scalars all, const Scalar *s)
   for (PetscInt i = 0; i < all->nface * nq && s->input.face; i++)
     any = (PetscBool)(any || s->input.face[2 * i + 1] > 0);
   for (PetscInt i = 0; i < s->nside * nq; i++) any = (PetscBool)(any || s->input.side[2 * i + 1] > 0);
+  for (PetscInt i = 0; i < s->cells.nsample * s->input.count && s->input.sample; i++)
+    any = (PetscBool)(any || s->input.sample[2 * i + 1] > 0);
   return any;
 }
 
@@ -284,6 +359,7 @@ PetscErrorCode ScalarForgetInput(ScalarInput *input)
   PetscCall(PetscFree(input->slope));
   PetscCall(PetscFree(input->face));
   PetscCall(PetscFree(input->side));
+  PetscCall(PetscFree(input->sample));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -306,13 +382,40 @@ static void compare_side(Scalars all, PetscInt c, const PetscReal phi[], const P
             change);
 }
 
+/* The same of the samples of cells that surfaces with a flux cut */
+static PetscErrorCode compare_layers(Scalars all, const Scalar *s, const PetscReal T[], const PetscReal was[],
+                                     PetscReal change[2])
+{
+  const PetscInt most = s->input.count;
+  PetscReal     *x, *phi;
+  PetscInt      *k, n;
+
+  PetscFunctionBeginUser;
+  if (!s->input.sample) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc3(most, &k, most * 3, &x, most * MESH_MAX_NB, &phi));
+  for (PetscInt c = 0; c < all->loc->ncell; c++) {
+    const ScalarSamples *p = get_cut(s, c);
+
+    if (!p) continue;
+    PetscCall(find_layer(all, c, p, &n, k, x, phi));
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscInt e = (s->cells.sample[c] * most + k[i]) * 2;
+
+      compare(s->input.sample[e], s->input.sample[e + 1], was[e], was[e + 1],
+              interpolate(all->loc, c, T, phi + i * MESH_MAX_NB), change);
+    }
+  }
+  PetscCall(PetscFree3(k, x, phi));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Have sources and fluxes of a scalar changed from what they were? Collective. */
 static PetscErrorCode have_changed(Scalars all, const Scalar *s, const ScalarInput *was, PetscBool *changed)
 {
   const MeshLocal *l         = all->loc;
   const PetscInt   nq        = l->dim == 2 ? 3 : 9;
   const PetscReal  bound     = all->step.ct > 0 ? all->rtol : SETTLED;
-  PetscReal        change[6] = {0}, x[27], weight[9], phi[9 * MESH_MAX_NB], *T;
+  PetscReal        change[8] = {0}, x[27], weight[9], phi[9 * MESH_MAX_NB], *T;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all, &T));
@@ -329,10 +432,11 @@ static PetscErrorCode have_changed(Scalars all, const Scalar *s, const ScalarInp
     PetscCall(ScalarSidePoints(all, s->side[i].cell, s->side[i].side, x, weight, phi));
     compare_side(all, s->side[i].cell, phi, T, s->input.side + 2 * i * nq, was->side + 2 * i * nq, change + 4);
   }
+  PetscCall(compare_layers(all, s, T, was->sample, change + 6));
   PetscCall(PetscFree(T));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, change, 6, MPIU_REAL, MPIU_MAX, all->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, change, 8, MPIU_REAL, MPIU_MAX, all->comm));
   *changed = PETSC_FALSE;
-  for (PetscInt k = 0; k < 6; k += 2) *changed = (PetscBool)(*changed || change[k] > bound * change[k + 1]);
+  for (PetscInt k = 0; k < 8; k += 2) *changed = (PetscBool)(*changed || change[k] > bound * change[k + 1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

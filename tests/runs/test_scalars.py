@@ -589,15 +589,16 @@ def test_a_wall_reacts_by_expression(run, scene, tmp_path, where):
     assert float(last["scalar_error_c"]) < (1e-10 if "dt" in where else 1e-7)
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_disc_reacts_by_expression(run, scene, tmp_path, ranks):
-    """c = 1 + s log(r) around a disc of radius a with flux -5 c^2: s/a = 5 (1 + s log(a))^2"""
+@pytest.mark.parametrize("method, ranks, most", [("aligned", 1, 1e-5), ("aligned", 2, 1e-5), ("penalty", 2, 0.012), ("nodal", 1, 0.012)])
+def test_a_disc_reacts_by_expression(run, scene, tmp_path, method, ranks, most):
+    """c = 1 + s log(r) around a disc of radius a with flux -5 c^2: s/a = 5 (1 + s log(a))^2. The bound of penalty and nodal was set after 1.1 % was
+    seen; with half the cells .45 %"""
     a = 0.4
     s = find_root(lambda s: s / a - 5 * (1 + s * math.log(a))**2, 0, -1 / math.log(a))
     text = in_free_space(2, 16, 1, 'condition: flux, flux: "-5*(heat+1)^2"').replace("-1*log(", f"{s}*log(")
-    run([scene(text), "-couple_method", "aligned", "-output_dir", tmp_path / "out"], ranks)
+    run([scene(text), "-couple_method", method, "-output_dir", tmp_path / "out"], ranks)
     last = read_last(tmp_path / "out")
-    assert abs(float(last["scalar_source_heat"]) / (-2 * math.pi * s) - 1) < 1e-5
+    assert abs(float(last["scalar_source_heat"]) / (-2 * math.pi * s) - 1) < most
 
 
 @pytest.mark.parametrize("change, said", [

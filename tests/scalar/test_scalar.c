@@ -154,7 +154,13 @@ static PetscReal measure_samples(PetscInt n)
   }
   OK(PetscMalloc1(c.l->ncell_all, &sample));
   for (PetscInt e = 0; e < c.l->ncell_all; e++) sample[e] = c.l->cell_global[e] % 3 - 1;
-  for (PetscInt k = 0; k < 2; k++) samples[k] = (ScalarSamples){n, 0, one, one, none, none, -1, 0};
+  for (PetscInt k = 0; k < 2; k++)
+    samples[k] = (ScalarSamples){.n            = n,
+                                 .capacity     = one,
+                                 .conductivity = one,
+                                 .reaction     = none,
+                                 .source       = none,
+                                 .lump         = -1};
   cells.sample = sample;
   OK(ScalarsSetCells(c.s, 0, &cells));
   begin(&c, 0);
