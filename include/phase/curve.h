@@ -50,13 +50,6 @@ void PhaseCurveMeasure(const PhaseCurve *, PetscInt drop, PhaseSums *);
    has them. PhaseCurveUpdate follows. */
 PetscErrorCode PhaseCurveShift(PhaseCurve *, PetscInt drop, PetscReal way);
 
-/* Something solid, on which curves end: signed distances d [n] of x [n][2], negative inside, and the contact
-   angles inside drops of what is nearest (NULL: not wanted). */
-typedef struct {
-  void     *ctx;
-  PetscReal h; /* a length, about a cell */
-  PetscErrorCode (*distance)(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[]);
-} PhaseSolid;
 /* meet.c. Where the curve is inside what is solid, and so far before it, it is drawn anew, such that it meets the
    surface at the contact angle. */
 PetscErrorCode PhaseCurveMeet(PhaseCurve *, const PhaseSolid *);

@@ -3,8 +3,7 @@
    and the volume that it is to have. Where it is the curve of its interface says (curve.h), which belongs to a mesh.
 
    All ranks know all drops, and do the same with them. The room knows no flow; couple/drops.c ties drops to one.
-   Lengths, masses and times in the units of the scene. In the plane, volumes are areas. In space drops begin as shapes,
-   and walls are not wetted. */
+   Lengths, masses and times in the units of the scene. In the plane, volumes are areas. */
 #pragma once
 #include "base/expr.h"
 #include "base/state.h"
@@ -59,7 +58,7 @@ typedef struct {
 typedef struct _p_Drops *Drops;
 
 /* Read the options of all such groups; *drops is NULL if there are none. Collective. Errors: no shape, position or
-   surface tension, options that contradict each other, what drops in space cannot yet. */
+   surface tension, options that contradict each other. */
 PetscErrorCode DropsCreate(MPI_Comm, PetscInt dim, Drops *);
 PetscErrorCode DropsDestroy(Drops *);
 PetscErrorCode DropsGetState(Drops, DropsState **);
@@ -70,9 +69,10 @@ PetscErrorCode DropsView(Drops, PetscViewer);
 PetscErrorCode DropsStart(Drops, const PhaseBox *, PhaseCurve *);
 /* Do drops wet walls? All of them or none, see DropsCreate. */
 PetscBool DropsWet(const DropsState *);
-/* In space, where there is no curve of the start: signed distances d [n] of x [n][3] from what drops are at the start,
-   their closest points y [n][3]; the number of the drop that is nearest to x; a ball that holds all, and their volume.
-   Not collective. */
+/* In space, where there is no curve of the start, in a box (DropsStartBox, first): signed distances d [n] of x [n][3]
+   from what drops are at the start, their closest points y [n][3]; the number of the drop that is nearest to x; a ball
+   that holds all, and their volume. Not collective. */
+PetscErrorCode DropsStartBox(Drops, const PetscReal lower[3], const PetscReal upper[3]);
 PetscErrorCode DropsStartDistance(Drops, PetscInt n, const PetscReal x[], PetscReal d[]);
 PetscErrorCode DropsStartClosest(Drops, PetscInt n, const PetscReal x[], PetscReal y[]);
 PetscErrorCode DropsStartNearest(Drops, const PetscReal x[3], PetscInt *number);

@@ -55,5 +55,5 @@ static inline PetscBool PhaseInterfacePiece(const PhaseInterface *f, PetscInt e,
 {
   *drop   = f->sheet.n ? f->sheet.drop[e] : f->curve.drop[e];
   *middle = f->sheet.n ? f->sheet.x[e][4] : f->curve.x[e][1];
-  return (PetscBool)(f->sheet.n || !f->curve.wall[e]);
+  return (PetscBool) !(f->sheet.n ? f->sheet.wall : f->curve.wall)[e];
 }

@@ -5,7 +5,7 @@
 /* Sums over what a drop holds. In space volumes are in `area` and areas in `length`. */
 typedef struct {
   PetscReal area, length, centre[3]; /* length: of all curves, without */
-  PetscReal wet;                     /* that along walls */
+  PetscReal wet;                     /* that along walls, likewise */
   PetscReal second[6];               /* about the centre, over the area: xx, yy, xy; in space xx yy zz xy xz yz */
 } PhaseSums;
 
@@ -14,3 +14,11 @@ typedef struct {
   PetscReal d, y[3];
   PetscInt  edge;
 } PhasePoint;
+
+/* Something solid, on which interfaces end: signed distances d [n] of x [n][dim], negative inside, and the contact
+   angles inside drops of what is nearest (NULL: not wanted). */
+typedef struct {
+  void     *ctx;
+  PetscReal h; /* a length, about a cell */
+  PetscErrorCode (*distance)(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[]);
+} PhaseSolid;

@@ -1,6 +1,7 @@
 /* PhaseSheet: closed surfaces of biquadratic faces in space, the interface between two fluids: what a PhaseCurve
    (curve.h) is in the plane. The nodes of a face are those of a side of a hexahedron of a mesh that is lined up with
-   the interface. A surface that encloses a negative volume is a hole.
+   the interface. A surface that encloses a negative volume is a hole. Where an interface ends at plane walls across an
+   axis, faces along these close the surface: they bound the volume and are no interface.
 
    All ranks know all faces, in an order that does not depend on the partition, and do the same with them. Nothing is
    collective but what says so. */
@@ -13,6 +14,7 @@ typedef struct {
   PetscReal key[9][3]; /* tells nodes apart, the same on all ranks */
   PetscReal x[9][3];
   PetscReal drop; /* number of what it bounds */
+  PetscReal wall; /* 1: along a wall, 0: of the interface */
 } PhaseFace;
 
 typedef struct {
@@ -24,12 +26,13 @@ typedef struct {
   PetscInt  *drop;     /* [n] */
   PetscInt  *part;     /* [n] closed surface that it is of */
   PetscReal *volume;   /* [npart] negative: a hole */
+  PetscBool *wall;     /* [n] along a wall */
 } PhaseSheet;
 
 /* The surfaces of all faces that the ranks hand in. period [3]: 0 where there is none; faces of a surface are put next
    to each other. Collective. Error: a surface is not closed. */
 PetscErrorCode PhaseSheetGather(MPI_Comm, PetscInt n, const PhaseFace face[], const PetscReal period[], PhaseSheet *);
-/* n faces, for the caller to fill x, node, drop and part; then PhaseSheetUpdate. */
+/* n faces, for the caller to fill x, node, drop, part and wall; then PhaseSheetUpdate. */
 PetscErrorCode PhaseSheetCreate(PetscInt n, PetscInt nnode, PetscInt npart, PhaseSheet *);
 PetscErrorCode PhaseSheetDestroy(PhaseSheet *);
 /* After the nodes have moved: balls, volumes. */
@@ -42,3 +45,5 @@ void           PhaseSheetApproach(const PhaseSheet *, const PetscReal x[3], cons
 void           PhaseSheetMeasure(const PhaseSheet *, PetscInt drop, PhaseSums *);
 PetscReal      PhaseSheetNear(const PhaseSheet *, const PetscReal x[3], PetscReal reach);
 PetscErrorCode PhaseSheetShift(PhaseSheet *, PetscInt drop, PetscReal way);
+/* sheetmeet.c. As PhaseCurveMeet. */
+PetscErrorCode PhaseSheetMeet(PhaseSheet *, const PhaseSolid *);

@@ -194,8 +194,9 @@ PetscErrorCode DropsCheckStart(CoupleDrops *f, Couple c, PetscInt parts, const P
                         s->merged));
   for (PetscInt i = 0; i < parts; i++) {
     Drop           *d     = s->drop + DropsFind(s, number[i]);
-    const PetscReal error = volume[i] / d->target - 1;
+    const PetscReal error = d->target > 0 ? volume[i] / d->target - 1 : 0;
 
+    if (d->target == 0) d->target = volume[i]; /* a region in space has what the mesh has of it */
     if (PetscAbsReal(error) <= OTHER) continue;
     PetscCall(
       LogRemark("drop %" PetscInt_FMT

@@ -45,14 +45,15 @@ static PetscErrorCode sum_losses(CoupleDrops *f, Couple c, const PetscReal u[], 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt *node = l->cell_node + e * nb;
-    PetscReal       xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB], M[81] = {0};
+    PetscReal       xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB], M[MESH_MAX_NB * MESH_MAX_NB] = {0};
 
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
     for (PetscInt i = 0; i < dim * nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
     sum[0] += dissipation_of_cell(dim, f->viscosity[e], xc, v);
     if (!f->side || !DropsHasFriction(f, l, e)) continue;
     DropsAddFriction(f, l, e, xc, M);
-    for (PetscInt i = 0; i < 162; i++) sum[1] += v[2 * (i % 81 / 9) + i / 81] * M[i % 81] * v[2 * (i % 9) + i / 81];
+    for (PetscInt i = 0; i < nb * nb * dim; i++)
+      sum[1] += v[dim * (i / dim / nb) + i % dim] * M[i / dim] * v[dim * (i / dim % nb) + i % dim];
   }
   for (PetscInt t = 0; t < f->nterm; t++) {
     const PetscInt  *node = l->cell_node + f->term_cell[t] * nb;

@@ -1,6 +1,7 @@
 /* CoupleDrops, bodies that drops wet: interfaces end on rigid bodies with a contact angle, which the penalty holds. The
    interface goes on inside of the body, where the mesh is lined up with it too, and moves rigidly; there, and a cell
-   around, it is drawn anew in every step, such that it meets the surface at the contact angle (phase/meet.c). So the
+   around, it is drawn anew in every step, such that it meets the surface at the contact angle (phase/meet.c, in space
+   phase/sheetmeet.c). So the
    contact line goes to where the angle wants it, over a slip length of about a cell. The body feels the tension of the
    interface at its inner end, which is Young's force, in the rows of its motion like every force on its nodes.
 
@@ -39,9 +40,6 @@ PetscErrorCode DropsReadAngles(CoupleDrops *f, Couple c)
 
     PetscCall(OptReal(OptJoin("-particle_", c->s->group[g].name, "_contact_angle", name), &f->angle[g]));
     if (f->angle[g] > 0 && c->s->group[g].count) f->meets = PETSC_TRUE;
-    PetscCheck(c->loc->dim == 2 || !f->meets, c->comm, PETSC_ERR_SUP,
-               "%s: drops wet bodies in the plane only so far: remove it, a film of the fluid around stays between",
-               name);
   }
   PetscCall(OptHas("-monitor_energy", &energy));
   if (f->meets && energy)
@@ -61,9 +59,9 @@ static PetscErrorCode distance(void *ctx, PetscInt n, const PetscReal x[], Petsc
     for (PetscInt k = 0; k < s->n; k++) {
       const Wetted  *b     = s->body + k;
       const PetscInt group = (PetscInt)b->group;
-      PetscReal      y[2], at;
+      PetscReal      y[3], at;
 
-      for (PetscInt a = 0; a < 2; a++) y[a] = DomainNearest(l->period[a], x[2 * i + a], b->X[a]);
+      for (PetscInt a = 0; a < l->dim; a++) y[a] = DomainNearest(l->period[a], x[l->dim * i + a], b->X[a]);
       PetscCall(BodiesDistanceOf(s->c->bodies, group, b->scale, b->X, b->q, 1, y, &at));
       if (at < d[i] && angle) angle[i] = s->f->angle[group];
       d[i] = PetscMin(d[i], at);
@@ -109,13 +107,15 @@ static void predict_insides(DropsState *s)
 
 PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 {
-  WettedBodies s = {.c = c, .f = f};
+  WettedBodies s     = {.c = c, .f = f};
+  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .distance = distance};
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   PetscCall(gather_bodies(f, c, &s));
-  PetscCall(PhaseCurveMeet(&f->interface.curve, &(PhaseSolid){.ctx = &s, .h = c->loc->h, .distance = distance}));
+  if (c->loc->dim == 2) PetscCall(PhaseCurveMeet(&f->interface.curve, &solid));
+  else PetscCall(PhaseSheetMeet(&f->interface.sheet, &solid)); /* of the start there is none */
   PetscCall(PetscFree(s.body));
   if (f->met) predict_insides(f->s);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -135,7 +135,8 @@ static PetscErrorCode find_outside(CoupleDrops *f, Couple c)
   PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
   PetscCall(CutCellsGet(cells, &n, &cut));
   for (PetscInt t = 0; t < n; t++) {
-    const PetscReal part = cut[t].moments < 0 ? 1 : cut[t].volume / PetscSqr(size[cut[t].cell]);
+    const PetscReal part = cut[t].moments < 0 ? 1
+                                              : cut[t].volume / PetscPowRealInt(size[cut[t].cell], (int)c->loc->dim);
 
     f->outside[cut[t].cell] = PetscMax(0, f->outside[cut[t].cell] - part);
   }
@@ -156,7 +157,7 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
   for (PetscInt e = 0; e < c->loc->ncell; e++) {
     const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
 
-    if (k >= 0) inside[k] += (1 - f->outside[e]) * PetscSqr(size[e]);
+    if (k >= 0) inside[k] += (1 - f->outside[e]) * PetscPowRealInt(size[e], (int)c->loc->dim);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, inside, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt k = 0; k < n; k++) {

@@ -114,6 +114,37 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* In space: error, a region reaches a side that is none or that it does not wet. Collective. */
+static PetscErrorCode check_sides(CoupleDrops *f, Couple c)
+{
+  const MeshLocal *l    = c->loc;
+  const PetscInt  *wets = PhaseSurfacesGet(f->surfaces)->ends_on;
+  PetscInt         at   = 0; /* 1 + side, 8 times, and group */
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 6 * l->nnode; i++) {
+    const PetscReal *x = l->x_start + 3 * (i / 6), edge = i % 2 ? l->upper[i % 6 / 2] : l->lower[i % 6 / 2];
+    PetscInt         group;
+    PetscReal        d;
+
+    if (x[i % 6 / 2] != edge || (l->period[i % 6 / 2] == 0 && wets && *wets >> i % 6 & 1)) continue;
+    PetscCall(DropsStartDistance(f->drops, 1, x, &d));
+    PetscCall(DropsStartNearest(f->drops, x, &group));
+    if (d < 0 && f->s->group[group].region) at = PetscMax(at, 8 * group + 1 + i % 6);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
+  if (!at) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(l->period[(at - 1) % 8 / 2] == 0, c->comm, PETSC_ERR_SUP,
+             "-particle_%s_region reaches over a period of the mesh, which drops given by a region cannot yet: remove -mesh_periodic, or keep "
+             "the region inside",
+             f->s->group[(at - 1) / 8].name);
+  SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
+          "The fluid '%s' reaches the side %c = %g of the domain, which it does not wet: keep it a cell away from there, or give "
+          "-particle_%s_contact_angle, and that side -flow_bc_<boundary>_type slip",
+          f->s->group[(at - 1) / 8].name, "xyz"[(at - 1) % 8 / 2],
+          (double)((at - 1) % 2 ? l->upper : l->lower)[(at - 1) % 8 / 2], f -> s -> group[(at - 1) / 8].name);
+}
+
 /* In the plane the curve of the start; in space there is none, and PhaseSurfaces asks the shapes */
 static PetscErrorCode start_curve(CoupleDrops *f, Couple c)
 {
@@ -121,7 +152,11 @@ static PetscErrorCode start_curve(CoupleDrops *f, Couple c)
   PhaseBox        box  = {.h = c->loc->h, .wets = wets ? *wets : 0};
 
   PetscFunctionBeginUser;
-  if (c->loc->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->loc->dim == 3) {
+    PetscCall(DropsStartBox(f->drops, c->loc->lower, c->loc->upper));
+    PetscCall(check_sides(f, c));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt a = 0; a < 2; a++) {
     box.lower[a]  = c->loc->lower[a];
     box.upper[a]  = c->loc->upper[a];

@@ -41,7 +41,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscCall(
     PetscCalloc6(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force, n / c->loc->dim, &f->weight));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
-  if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
+  if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
   if (f->meets) PetscCall(PetscMalloc1(ncell, &f->outside));

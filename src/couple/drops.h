@@ -41,7 +41,7 @@ typedef struct CoupleDrops {
   PetscReal     *angle;               /* [groups of bodies] contact angle, 0: not wetted */
   PetscReal     *outside;             /* [ncell_all] the part of a cell that is in no such body; NULL: there are none */
   PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
-  PetscReal     *slip_length;         /* [4] of these, 0: free slip */
+  PetscReal     *slip_length;         /* [6] of these, 0: free slip */
   PetscInt      *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
   PetscReal     *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
@@ -72,10 +72,12 @@ PetscErrorCode DropsKeepApart(CoupleDrops *, Couple);
 PetscErrorCode DropsSetFilm(CoupleDrops *, Couple);
 /* dropwalls.c. Which walls drops may wet. Collective. Error: they wet walls, and there are none. */
 PetscErrorCode DropsFindWalls(CoupleDrops *, Couple);
-/* Into M [9][9], friction of walls with a slip length beside local cell; into f->force, the pull of the wall on the
-   contact line of a drop in an own cell. */
+/* Of a local cell with nodes xc: into M [nb][nb], friction of walls with a slip length beside it; into f->force, the
+   pull of the wall on the contact line of a drop in an own cell. */
 void DropsAddFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell, const PetscReal xc[], PetscReal M[]);
-void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell);
+void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell, const PetscReal xc[]);
+/* Slots of side e of a cell, first to last along it (in space a lattice of 3 x 3); how many there are */
+PetscInt DropsSideSlots(PetscInt dim, PetscInt e, PetscInt slot[]);
 /* Force of walls that drops wet on the fluids, of surface tension and friction: what of both acts on components that
    are not prescribed. After the solve. Collective. */
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[3]);

@@ -35,12 +35,15 @@ PetscErrorCode DropsGatherSheet(CoupleDrops *f, Couple c, const PetscInt cell_dr
     if (cell_drop[e] < 0) continue;
     PetscCall(DropsCellCoordinates(f, c, e, way, xc));
     for (PetscInt side = 0; side < 6; side++) {
-      PetscInt slot[SIDE_MAX];
+      PetscInt  slot[SIDE_MAX];
+      PetscBool wall;
 
       SideListOutward(side, slot);
-      if (!DropsIsInterface(l, cell_drop, node[slot[4]])) continue;
+      wall = DropsIsBoundary(l, node[slot[4]]);
+      if (!wall && !DropsIsInterface(l, cell_drop, node[slot[4]])) continue;
       PetscCall(ArrayReserve(n + 1, &capacity, &face, sizeof(*face), NULL));
       fill_face(l, slot, node, xc, face + n);
+      face[n].wall   = wall ? 1 : 0;
       face[n++].drop = (PetscReal)cell_drop[e];
     }
   }
@@ -79,7 +82,7 @@ void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9])
 
 PetscErrorCode DropsVisitSheet(State state, PhaseSheet *sheet)
 {
-  PetscInt   n[3] = {sheet->n, sheet->nnode, sheet->npart};
+  PetscInt   n[3] = {sheet->n, sheet->nnode, sheet->npart}, *wall;
   PhaseSheet s    = *sheet;
 
   PetscFunctionBeginUser;
@@ -89,6 +92,11 @@ PetscErrorCode DropsVisitSheet(State state, PhaseSheet *sheet)
   PetscCall(StateInts(state, "drops_nodes", 9 * n[0], (PetscInt *)s.node));
   PetscCall(StateInts(state, "drops_numbers", n[0], s.drop));
   PetscCall(StateInts(state, "drops_parts", n[0], s.part));
+  PetscCall(PetscMalloc1(n[0], &wall));
+  for (PetscInt e = 0; e < n[0]; e++) wall[e] = s.wall[e];
+  PetscCall(StateInts(state, "drops_walls", n[0], wall));
+  for (PetscInt e = 0; e < n[0]; e++) s.wall[e] = (PetscBool)wall[e];
+  PetscCall(PetscFree(wall));
   if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
   PhaseSheetUpdate(&s);
   PetscCall(PhaseSheetDestroy(sheet));

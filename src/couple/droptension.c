@@ -67,15 +67,14 @@ static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const
   const FlowStep  *s     = c->step;
   const PetscReal  theta = DropsTheta(s) * s->dt,
                   sigma  = f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
-  const PetscInt *node = l->cell_node + cell * l->nb, dim = l->dim, n = dim == 2 ? 3 : 9;
+  const PetscInt *node = l->cell_node + cell * l->nb, dim = l->dim;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 2 * dim; e++) {
-    PetscInt  slot[SIDE_MAX];
-    PetscReal K[81];
+    PetscInt       slot[SIDE_MAX];
+    const PetscInt n = DropsSideSlots(dim, e, slot);
+    PetscReal      K[81];
 
-    if (dim == 2) PetscCall(PetscArraycpy(slot, ELEMENT_EDGE[e], 3));
-    else SideList(dim, e, slot);
     if (!DropsIsInterface(l, f->cell_drop, node[slot[n / 2]])) continue;
     side_matrix(l, sigma, n, slot, xc, K);
     if (!*term) PetscCall(add_term(f, l->nb, cell, term));
@@ -102,7 +101,7 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
   if (friction) PetscCall(add_term(f, c->loc->nb, cell, &M));
   if (f->cell_drop[cell] >= 0) PetscCall(add_tension(f, c, cell, xc, u, u_old, &M));
   if (friction) DropsAddFriction(f, c->loc, cell, xc, M);
-  if (f->side && f->cell_drop[cell] >= 0 && cell < c->loc->ncell) DropsAddPull(f, c->loc, cell);
+  if (f->side && f->cell_drop[cell] >= 0 && cell < c->loc->ncell) DropsAddPull(f, c->loc, cell, xc);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

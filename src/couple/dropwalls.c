@@ -5,9 +5,12 @@
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
+#include "base/algebra.h"
+#include "base/face.h"
 #include "base/opt.h"
 #include "fem/edge.h"
 #include "fem/element.h"
+#include "fem/side.h"
 #include "flow/condition.h"
 
 /* Boundary b of type slip, if it is a side of the box */
@@ -22,8 +25,8 @@ static PetscErrorCode add_wall(CoupleDrops *f, Couple c, PetscInt b, PetscInt *s
   PetscCall(MeshGetBoundaryName(c->mesh, b, &name));
   PetscCall(MeshGetBoundaryNodes(c->mesh, b, &n, &node));
   PetscCall(MeshGetBoundarySides(c->mesh, b, &on));
-  while (side < 4 && on != 1 << side) side++;
-  if (side == 4) PetscFunctionReturn(PETSC_SUCCESS);
+  while (side < 6 && on != 1 << side) side++;
+  if (side == 6) PetscFunctionReturn(PETSC_SUCCESS);
   *sides |= on;
   PetscCall(OptReal(OptJoin("-flow_bc_", name, "_navier", option), &f->slip_length[side]));
   for (PetscInt i = 0; i < n; i++) f->side[node[i]] |= on;
@@ -52,27 +55,36 @@ PetscErrorCode DropsFindWalls(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The wall that edge e of the cell lies on, -1 */
-static PetscInt wall_of(const CoupleDrops *f, const MeshLocal *l, const PetscInt node[], PetscInt e)
+PetscInt DropsSideSlots(PetscInt dim, PetscInt e, PetscInt slot[])
 {
-  const PetscInt middle = node[ELEMENT_EDGE[e][1]];
+  if (dim == 2)
+    for (PetscInt j = 0; j < 3; j++) slot[j] = ELEMENT_EDGE[e][j];
+  else SideList(dim, e, slot);
+  return dim == 2 ? 3 : 9;
+}
 
-  for (PetscInt side = 0; side < 4; side++)
+/* The wall that side e of the cell lies on, -1; slots of the side */
+static PetscInt wall_of(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt e, PetscInt slot[])
+{
+  const PetscInt n = DropsSideSlots(l->dim, e, slot), middle = l->cell_node[cell * l->nb + slot[n / 2]];
+
+  for (PetscInt side = 0; side < 2 * l->dim; side++)
     if (f->side[middle] == 1 << side && DropsIsBoundary(l, middle)) return side;
   return -1;
 }
 
 PetscBool DropsHasFriction(const CoupleDrops *f, const MeshLocal *l, PetscInt cell)
 {
-  for (PetscInt e = 0; e < 4; e++) {
-    const PetscInt side = wall_of(f, l, l->cell_node + cell * l->nb, e);
+  for (PetscInt e = 0; e < 2 * l->dim; e++) {
+    PetscInt       slot[SIDE_MAX];
+    const PetscInt side = wall_of(f, l, cell, e, slot);
 
     if (side >= 0 && f->slip_length[side] > 0) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
 
-static void add_friction(PetscReal rate, const PetscInt slot[3], const PetscReal xc[], PetscReal M[])
+static void add_edge_friction(PetscReal rate, const PetscInt slot[], const PetscReal xc[], PetscReal M[])
 {
   for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
     PetscReal v[3], dv[3], t[2] = {0, 0};
@@ -84,58 +96,113 @@ static void add_friction(PetscReal rate, const PetscInt slot[3], const PetscReal
   }
 }
 
-/* At the ends of an edge along the wall that lie on the interface */
-static void add_pull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt e, PetscInt side)
+/* In space, of a face of 9 nodes */
+static void add_face_friction(PetscReal rate, const PetscInt slot[], const PetscReal xc[], PetscReal M[])
 {
-  const PetscInt  *node = l->cell_node + cell * l->nb, *slot = ELEMENT_EDGE[e], a = 1 - side / 2;
-  const DropGroup *g = f->s->group + f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group;
+  PetscReal x[9][3];
+
+  for (PetscInt i = 0; i < 27; i++) x[i / 3][i % 3] = xc[3 * slot[i / 3] + i % 3];
+  for (PetscInt q = 0; q < EDGE_NGAUSS * EDGE_NGAUSS; q++) {
+    const PetscReal s[2] = {EDGE_GAUSS[q % EDGE_NGAUSS], EDGE_GAUSS[q / EDGE_NGAUSS]};
+    PetscReal       v[2][3], dv[3], n[3], w;
+    FacePoint       p;
+
+    FaceEvaluate(3, x, s, &p);
+    cross(p.t[0], p.t[1], n);
+    w = rate * EDGE_WEIGHT[q % EDGE_NGAUSS] * EDGE_WEIGHT[q / EDGE_NGAUSS] * PetscSqrtReal(dot3(n, n));
+    for (PetscInt a = 0; a < 2; a++) ElementLine(s[a], v[a], dv);
+    for (PetscInt i = 0; i < 81; i++)
+      M[27 * slot[i / 9] + slot[i % 9]] += w * v[0][i / 9 % 3] * v[1][i / 27] * v[0][i % 9 % 3] * v[1][i % 9 / 3];
+  }
+}
+
+/* At the ends of an edge along the wall that lie on the interface */
+static void pull_ends(CoupleDrops *f, const MeshLocal *l, const PetscInt node[], const PetscInt slot[], PetscInt side,
+                      PetscReal pull)
+{
+  const PetscInt a = 1 - side / 2;
 
   for (PetscInt j = 0; j < 3; j += 2) {
     const PetscInt  i    = node[slot[j]];
     const PetscReal away = MeshNearest(l, a, l->x_start[2 * i + a] - l->x_start[2 * node[slot[1]] + a]);
 
-    if (!DropsIsInterface(l, f->cell_drop, i)) continue;
-    f->force[2 * i + a] += (away > 0 ? 1 : -1) * g->tension * PetscCosReal(g->contact);
+    if (DropsIsInterface(l, f->cell_drop, i)) f->force[2 * i + a] += (away > 0 ? 1 : -1) * pull;
+  }
+}
+
+/* In space along the edges of a face on the wall that lie on the interface */
+static void pull_edges(CoupleDrops *f, const MeshLocal *l, const PetscInt node[], const PetscInt slot[], PetscInt side,
+                       const PetscReal xc[], PetscReal pull)
+{
+  static const PetscInt ROUND[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}};
+  const PetscReal       normal[3]   = {side / 2 == 0, side / 2 == 1, side / 2 == 2};
+
+  for (PetscInt e = 0; e < 4; e++) {
+    if (!DropsIsInterface(l, f->cell_drop, node[slot[ROUND[e][1]]])) continue;
+    for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
+      PetscReal v[3], dv[3], t[3] = {0}, out[3] = {0}, across[3], sign;
+
+      ElementLine(EDGE_GAUSS[g], v, dv);
+      for (PetscInt j = 0; j < 9; j++) {
+        const PetscReal x = xc[3 * slot[ROUND[e][j / 3]] + j % 3];
+
+        t[j % 3] += dv[j / 3] * x;
+        out[j % 3] += v[j / 3] * (x - xc[3 * slot[4] + j % 3]);
+      }
+      cross(t, normal, across); /* of the length of t */
+      sign = dot3(across, out) > 0 ? 1 : -1;
+      for (PetscInt j = 0; j < 9; j++)
+        f->force[3 * node[slot[ROUND[e][j / 3]]] + j % 3] += sign * pull * EDGE_WEIGHT[g] * v[j / 3] * across[j % 3];
+    }
   }
 }
 
 void DropsAddFriction(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, const PetscReal xc[], PetscReal M[])
 {
-  for (PetscInt e = 0; e < 4; e++) {
-    const PetscInt side = wall_of(f, l, l->cell_node + cell * l->nb, e);
+  for (PetscInt e = 0; e < 2 * l->dim; e++) {
+    PetscInt        slot[SIDE_MAX];
+    const PetscInt  side = wall_of(f, l, cell, e, slot);
+    const PetscReal rate = side >= 0 && f->slip_length[side] > 0 ? f->viscosity[cell] / f->slip_length[side] : 0;
 
-    if (side >= 0 && f->slip_length[side] > 0)
-      add_friction(f->viscosity[cell] / f->slip_length[side], ELEMENT_EDGE[e], xc, M);
+    if (rate > 0) (l->dim == 2 ? add_edge_friction : add_face_friction)(rate, slot, xc, M);
   }
 }
 
-void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell)
+void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, const PetscReal xc[])
 {
-  for (PetscInt e = 0; e < 4; e++) {
-    const PetscInt side = wall_of(f, l, l->cell_node + cell * l->nb, e);
+  const PetscInt  *node = l->cell_node + cell * l->nb;
+  const DropGroup *g    = f->s->group + f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group;
+  const PetscReal  pull = g->tension * PetscCosReal(g->contact);
 
-    if (side >= 0) add_pull(f, l, cell, e, side);
+  for (PetscInt e = 0; e < 2 * l->dim; e++) {
+    PetscInt       slot[SIDE_MAX];
+    const PetscInt side = wall_of(f, l, cell, e, slot);
+
+    if (side < 0) continue;
+    if (l->dim == 2) pull_ends(f, l, node, slot, side, pull);
+    else pull_edges(f, l, node, slot, side, xc, pull);
   }
 }
 
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[3])
 {
-  const MeshLocal     *l = c->loc;
+  const MeshLocal     *l   = c->loc;
+  const PetscInt       dim = l->dim, nb = l->nb;
   const unsigned char *fixed;
 
   PetscFunctionBeginUser;
   sum[0] = sum[1] = sum[2] = 0;
   if (!DropsWet(f->s)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  for (PetscInt i = 0; i < 2 * l->nnode_all; i++)
-    if (!(fixed[i / 2] >> i % 2 & 1)) sum[i % 2] += f->force[i];
+  for (PetscInt i = 0; i < dim * l->nnode_all; i++)
+    if (!(fixed[i / dim] >> i % dim & 1)) sum[i % dim] += f->force[i];
   for (PetscInt t = 0; t < f->nterm; t++) {
-    const PetscInt *node = l->cell_node + f->term_cell[t] * l->nb;
+    const PetscInt *node = l->cell_node + f->term_cell[t] * nb;
 
-    for (PetscInt i = 0; i < 18 && f->term_cell[t] < l->ncell; i++)
-      for (PetscInt j = 0; j < 9 && !(fixed[node[i / 2]] >> i % 2 & 1); j++)
-        sum[i % 2] -= f->term[81 * t + 9 * (i / 2) + j] * u[2 * node[j] + i % 2];
+    for (PetscInt i = 0; i < dim * nb && f->term_cell[t] < l->ncell; i++)
+      for (PetscInt j = 0; j < nb && !(fixed[node[i / dim]] >> i % dim & 1); j++)
+        sum[i % dim] -= f->term[nb * (nb * t + i / dim) + j] * u[dim * node[j] + i % dim];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, c->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)dim, MPIU_REAL, MPIU_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

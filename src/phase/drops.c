@@ -71,8 +71,8 @@ static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
   d->s.drop[g] = (Drop){.number = g, .group = g};
   PetscCall(ExprRead(OptJoin("-particle_", group->name, "_region", name), dim, 1, &constant, &group->region, &region));
   PetscCheck(!region || group->region, d->comm, PETSC_ERR_USER_INPUT,
-             "%s %g is a number: give an expression of x and y that is negative where the fluid is, as \"y - 1\"", name,
-             (double)constant);
+             "%s %g is a number: give an expression of the position that is negative where the fluid is, as \"y - 1\"",
+             name, (double)constant);
   PetscCall(OptHas(OptJoin("-particle_", group->name, "_shape", shape), &both));
   PetscCheck(!region || !both, d->comm, PETSC_ERR_USER_INPUT, "Group '%s' has %s and %s: remove one of them",
              group->name, name, shape);
@@ -81,19 +81,6 @@ static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
   PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &group->angle));
   PetscCall(ShapeGetMass(group->shape, &mass));
   d->s.drop[g].target = mass.volume;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What drops in space cannot yet */
-static PetscErrorCode check_space(Drops d, const DropGroup *g)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(!g->wets, d->comm, PETSC_ERR_SUP,
-             "-particle_%s_contact_angle: drops wet walls in the plane only so far: remove it, a film of the fluid around stays between drop and wall",
-             g->name);
-  PetscCheck(g->shape, d->comm, PETSC_ERR_SUP,
-             "-particle_%s_region: drops in space begin as a shape so far: give -particle_%s_shape and _position",
-             g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -117,7 +104,6 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
   for (PetscInt g = 0; g < d->s.ngroups; g++) {
     PetscCall(read_material(&d->group[g]));
     PetscCall(read_place(d, g, dim));
-    if (dim == 3) PetscCall(check_space(d, d->group + g));
     PetscCheck(d->group[g].wets == d->group[0].wets, comm, PETSC_ERR_SUP,
                "Groups '%s' and '%s': one has a contact angle and one has none, so that walls would have to be wetted and not: give both "
                "-particle_<group>_contact_angle, or none",

@@ -16,4 +16,5 @@ struct _p_Drops {
   MPI_Comm   comm;
   DropGroup *group;
   DropsState s;
+  PetscReal  lower[3], upper[3]; /* in space, the domain */
 };

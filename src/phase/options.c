@@ -26,7 +26,7 @@ static const OptSpec SPECS[] = {
    .also = "drainage_time", .find = "coalescence, merging drops"},
   {"-particle_<group>_region", OPT_REALS, "", OPT_ANY, "",
    .help = "where the fluid is at the start: an expression that is negative there, in place of a shape", .when = FLUID,
-   .variables = "x, y", .also = "level_set, initial_region",
+   .variables = "x, y, z", .also = "level_set, initial_region",
    .find = "layer, free surface, pool, wave, sloshing, dam break"},
 };
 OPT_TABLE("phase: drops and bubbles", SPECS)

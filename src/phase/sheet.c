@@ -1,4 +1,4 @@
-/* PhaseSheet: see phase/sheet.h. Faces are handed round as they are (55 numbers each), sorted by the key of their
+/* PhaseSheet: see phase/sheet.h. Faces are handed round as they are (56 numbers each), sorted by the key of their
    middle; nodes are those of one key. */
 #include "compat.h"
 #include "phase/sheet.h"
@@ -8,6 +8,7 @@
 #include "fem/edge.h"
 
 #define AGAINST -0.2 /* cosine: such a face faces the other way */
+#define FLAT    0.25 /* sine of the angle to a wall that a shift reckons with */
 #define SAME    1e-9 /* share by which distances of faces that meet at a closest point may differ */
 
 #define NPLACE  9    /* along a direction of a face, where it is measured */
@@ -65,14 +66,14 @@ PetscErrorCode PhaseSheetCreate(PetscInt n, PetscInt nnode, PetscInt npart, Phas
 {
   PetscFunctionBeginUser;
   *s = (PhaseSheet){.n = n, .nnode = nnode, .npart = npart};
-  PetscCall(PetscMalloc6(n, &s->x, n, &s->ball, n, &s->node, n, &s->drop, n, &s->part, npart, &s->volume));
+  PetscCall(PetscMalloc7(n, &s->x, n, &s->ball, n, &s->node, n, &s->drop, n, &s->part, npart, &s->volume, n, &s->wall));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PhaseSheetDestroy(PhaseSheet *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree6(s->x, s->ball, s->node, s->drop, s->part, s->volume));
+  PetscCall(PetscFree7(s->x, s->ball, s->node, s->drop, s->part, s->volume, s->wall));
   *s = (PhaseSheet){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -223,6 +224,7 @@ static PetscErrorCode link_faces(MPI_Comm comm, PetscInt n, const PhaseFace face
   for (PetscInt e = 0; e < n; e++) {
     PetscCall(PetscArraycpy((PetscReal *)s->x[e], (const PetscReal *)face[e].x, 27));
     s->drop[e] = (PetscInt)face[e].drop;
+    s->wall[e] = (PetscBool)(face[e].wall != 0);
   }
   for (PetscInt i = 0; i < 9 * n; i++)
     if (!i || node[corner[i].at] != node[corner[i - 1].at]) first[node[corner[i].at]] = i;
@@ -257,7 +259,7 @@ static PetscInt nearest_middle(const PhaseSheet *s, PetscInt part, const PetscRe
   PetscInt  which = -1;
 
   for (PetscInt e = 0; e < s->n; e++) {
-    if (s->part[e] != part || distance2(x, s->ball[e]) >= best) continue;
+    if (s->part[e] != part || s->wall[e] || distance2(x, s->ball[e]) >= best) continue;
     best  = distance2(x, s->ball[e]);
     which = e;
   }
@@ -295,7 +297,9 @@ static PetscBool search_part(const PhaseSheet *s, PetscInt part, const PetscReal
     const PetscInt e = i < 0 ? start : i;
     FacePoint      at;
 
-    if (s->part[e] != part || i == start || !may_be_nearer(s->ball[e], s->x[e], x, best * (1 + SAME))) continue;
+    if (e < 0 || s->part[e] != part || s->wall[e] || i == start ||
+        !may_be_nearer(s->ball[e], s->x[e], x, best * (1 + SAME)))
+      continue;
     FaceNearest(3, s->x[e], x, &at);
     if (at.distance > best * (1 + SAME) || at.distance >= reach) continue;
     if (at.distance < best * (1 - SAME)) common.n = 0;
@@ -320,7 +324,7 @@ PetscReal PhaseSheetNear(const PhaseSheet *s, const PetscReal x[3], PetscReal re
   PetscReal best = reach;
 
   for (PetscInt e = 0; e < s->n; e++)
-    if (distance2(x, s->ball[e]) < PetscSqr(best + s->ball[e][3]))
+    if (!s->wall[e] && distance2(x, s->ball[e]) < PetscSqr(best + s->ball[e][3]))
       best = PetscMin(best, PetscSqrtReal(nearest_node2(s->x[e], x)));
   return best;
 }
@@ -353,14 +357,14 @@ void PhaseSheetApproach(const PhaseSheet *s, const PetscReal x[3], const PetscRe
 
   *p = (PhasePoint){.d = PETSC_MAX_REAL / 4, .edge = -1};
   for (PetscInt e = 0; e < s->n; e++)
-    if ((start < 0 || distance2(x, s->ball[e]) < distance2(x, s->ball[start])) &&
+    if (!s->wall[e] && (start < 0 || distance2(x, s->ball[e]) < distance2(x, s->ball[start])) &&
         (!out || faces(s->x[e], out) >= AGAINST))
       start = e;
   for (PetscInt i = start < 0 ? 0 : -1; i < s->n; i++) {
     const PetscInt e = i < 0 ? start : i;
     FacePoint      at;
 
-    if (!may_be_nearer(s->ball[e], s->x[e], x, p->d)) continue;
+    if (s->wall[e] || !may_be_nearer(s->ball[e], s->x[e], x, p->d)) continue;
     if (out && faces(s->x[e], out) < AGAINST) continue;
     FaceNearest(3, s->x[e], x, &at);
     if (at.distance >= p->d) continue;
@@ -373,11 +377,11 @@ void PhaseSheetApproach(const PhaseSheet *s, const PetscReal x[3], const PetscRe
 static const PetscInt ROW[6] = {0, 1, 2, 0, 0, 1}, COL[6] = {0, 1, 2, 1, 2, 2};
 
 /* What a place on the surface, n the normal times the area there, adds to the moments; the place from o */
-static void add_moments(const PetscReal y[3], const PetscReal n[3], PetscReal first[3], PetscReal second[6],
-                        PhaseSums *s)
+static void add_moments(PetscBool wall, const PetscReal y[3], const PetscReal n[3], PetscReal first[3],
+                        PetscReal second[6], PhaseSums *s)
 {
   s->area += dot3(y, n) / 3;
-  s->length += PetscSqrtReal(dot3(n, n));
+  *(wall ? &s->wet : &s->length) += PetscSqrtReal(dot3(n, n));
   for (PetscInt a = 0; a < 3; a++) first[a] += 0.5 * y[a] * y[a] * n[a];
   for (PetscInt i = 0; i < 6; i++) second[i] += y[ROW[i]] * y[COL[i]] * dot3(y, n) / 5;
 }
@@ -397,7 +401,7 @@ void PhaseSheetMeasure(const PhaseSheet *s, PetscInt drop, PhaseSums *sums)
 
       face_point(s->x[e], q, y, n);
       for (PetscInt a = 0; a < 3; a++) y[a] -= o[a];
-      add_moments(y, n, first, second, sums);
+      add_moments(s->wall[e], y, n, first, second, sums);
     }
   }
   if (sums->area == 0) return;
@@ -406,25 +410,44 @@ void PhaseSheetMeasure(const PhaseSheet *s, PetscInt drop, PhaseSums *sums)
   for (PetscInt i = 0; i < 6; i++) sums->second[i] = second[i] / sums->area - first[ROW[i]] * first[COL[i]];
 }
 
+/* By what nodes move if the sheet is shifted by 1: along their normal n [nnode], of length 1 where it is smooth; at a
+   wall, whose faces hold them, along it and farther, as the sheet meets it at an angle. held [nnode]: bits of axes */
+static void shift_of_nodes(const PhaseSheet *s, PetscReal (*n)[3], PetscInt held[])
+{
+  const PetscReal middle[2] = {0, 0};
+
+  for (PetscInt i = 0; i < 9 * s->n; i++) {
+    const PetscInt e = i / 9, to = s->node[e][i % 9];
+    PetscReal      more[3];
+
+    if (s->wall[e]) {
+      FaceNormalAt(s->x[e], middle, more);
+      for (PetscInt a = 0; a < 3; a++) held[to] |= PetscAbsReal(more[a]) > 0.9 ? 1 << a : 0;
+      continue;
+    }
+    FaceNodeNormal(s->x[e], i % 9, more);
+    for (PetscInt a = 0; a < 3; a++) n[to][a] += more[a];
+  }
+  for (PetscInt i = 0; i < s->nnode; i++) {
+    const PetscReal whole = PetscMax(PETSC_SMALL, PetscSqrtReal(dot3(n[i], n[i])));
+    PetscReal       along;
+
+    for (PetscInt a = 0; a < 3; a++) n[i][a] = held[i] >> a & 1 ? 0 : n[i][a] / whole;
+    along = PetscSqrtReal(dot3(n[i], n[i]));
+    for (PetscInt a = 0; a < 3 && held[i] && along > 0; a++) n[i][a] /= along * PetscMax(FLAT, along);
+  }
+}
+
 PetscErrorCode PhaseSheetShift(PhaseSheet *s, PetscInt drop, PetscReal way)
 {
   PetscReal(*n)[3];
+  PetscInt *held;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(s->nnode, &n));
-  for (PetscInt i = 0; i < 9 * s->n; i++) {
-    PetscReal more[3];
-
-    FaceNodeNormal(s->x[i / 9], i % 9, more);
-    for (PetscInt a = 0; a < 3; a++) n[s->node[i / 9][i % 9]][a] += more[a];
-  }
-  for (PetscInt i = 0; i < s->nnode; i++) {
-    const PetscReal size = PetscMax(PETSC_SMALL, PetscSqrtReal(dot3(n[i], n[i])));
-
-    for (PetscInt a = 0; a < 3; a++) n[i][a] /= size;
-  }
+  PetscCall(PetscCalloc2(s->nnode, &n, s->nnode, &held));
+  shift_of_nodes(s, n, held);
   for (PetscInt i = 0; i < 27 * s->n; i++)
     if (s->drop[i / 27] == drop) s->x[i / 27][i % 27 / 3][i % 3] += way * n[s->node[i / 27][i % 27 / 3]][i % 3];
-  PetscCall(PetscFree(n));
+  PetscCall(PetscFree2(n, held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,9 +1,13 @@
 /* Drops, start in space: where there is no curve to begin with, the mesh is lined up with the shapes themselves
-   (phase/drops.h). Overlapping shapes are one. */
+   (phase/drops.h), or with the zero of a region, by Newton's method along its gradient. Overlapping ones are one. */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
 #include "shape/host.h"
+
+#define DIFFER 1e-6  /* of the domain: for gradients of a region */
+#define CLOSE  1e-13 /* of the domain */
+#define NSTEP  30
 
 /* Places of a group's shape, in its frame */
 static PetscErrorCode to_frame(const DropGroup *g, PetscInt n, const PetscReal x[], PetscReal sign, PetscReal r[])
@@ -16,6 +20,56 @@ static PetscErrorCode to_frame(const DropGroup *g, PetscInt n, const PetscReal x
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Value of a region at x over the size of its gradient, about a distance, and the gradient's direction n */
+static PetscErrorCode region_distance(Drops b, const DropGroup *g, const PetscReal x[3], PetscReal *d, PetscReal n[3])
+{
+  PetscReal e = 0, value, size;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) e = PetscMax(e, DIFFER * (b->upper[a] - b->lower[a]));
+  PetscCall(ExprEvaluateAlone(g->region, 0, x, &value));
+  for (PetscInt a = 0; a < 3; a++) {
+    PetscReal y[3] = {x[0], x[1], x[2]}, v[2];
+
+    for (PetscInt i = 0; i < 2; i++) {
+      y[a] = x[a] + (i ? e : -e);
+      PetscCall(ExprEvaluateAlone(g->region, 0, y, &v[i]));
+    }
+    n[a] = (v[1] - v[0]) / (2 * e);
+  }
+  size = PetscMax(PetscSqrtReal(dot3(n, n)), PETSC_SMALL);
+  for (PetscInt a = 0; a < 3; a++) n[a] /= size;
+  *d = value / size;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode region_closest(Drops b, const DropGroup *g, const PetscReal x[3], PetscReal y[3])
+{
+  PetscReal size = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) {
+    y[a] = x[a];
+    size = PetscMax(size, b->upper[a] - b->lower[a]);
+  }
+  for (PetscInt step = 0; step < NSTEP; step++) {
+    PetscReal d, n[3];
+
+    PetscCall(region_distance(b, g, y, &d, n));
+    for (PetscInt a = 0; a < 3; a++) y[a] -= PetscMax(-size, PetscMin(size, d)) * n[a];
+    if (PetscAbsReal(d) < CLOSE * size) break;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsStartBox(Drops b, const PetscReal lower[3], const PetscReal upper[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(b->lower, lower, 3));
+  PetscCall(PetscArraycpy(b->upper, upper, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The group that is nearest to x, and the distance of its surface */
 static PetscErrorCode find_group(Drops b, const PetscReal x[3], PetscInt *group, PetscReal *d)
 {
@@ -25,8 +79,11 @@ static PetscErrorCode find_group(Drops b, const PetscReal x[3], PetscInt *group,
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
     PetscReal r[3], far;
 
-    PetscCall(to_frame(b->group + g, 1, x, 1, r));
-    PetscCall(ShapeDistance(b->group[g].shape, 1, r, &far));
+    if (b->group[g].region) PetscCall(region_distance(b, b->group + g, x, &far, r));
+    else {
+      PetscCall(to_frame(b->group + g, 1, x, 1, r));
+      PetscCall(ShapeDistance(b->group[g].shape, 1, r, &far));
+    }
     if (far >= *d) continue;
     *d     = far;
     *group = g;
@@ -51,6 +108,10 @@ PetscErrorCode DropsStartClosest(Drops b, PetscInt n, const PetscReal x[], Petsc
     PetscReal d, r[3], at[3];
 
     PetscCall(find_group(b, x + 3 * i, &g, &d));
+    if (b->group[g].region) {
+      PetscCall(region_closest(b, b->group + g, x + 3 * i, y + 3 * i));
+      continue;
+    }
     PetscCall(to_frame(b->group + g, 1, x + 3 * i, 1, r));
     PetscCall(ShapeProject(b->group[g].shape, 1, r, at));
     PetscCall(to_frame(b->group + g, 1, at, -1, y + 3 * i));
@@ -67,23 +128,43 @@ PetscErrorCode DropsStartNearest(Drops b, const PetscReal x[3], PetscInt *number
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The ball around a group's shape; a region is in the domain */
+static PetscErrorCode find_ball(Drops b, const DropGroup *g, PetscReal x[3], PetscReal *radius, PetscReal *volume)
+{
+  PetscReal r[3];
+  ShapeMass mass;
+
+  PetscFunctionBeginUser;
+  *volume = 1;
+  for (PetscInt a = 0; a < 3; a++) {
+    x[a] = g->shape ? g->x[a] : 0.5 * (b->lower[a] + b->upper[a]);
+    r[a] = b->upper[a] - x[a];
+    *volume *= b->upper[a] - b->lower[a];
+  }
+  *radius = PetscSqrtReal(dot3(r, r));
+  if (!g->shape) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ShapeGetMass(g->shape, &mass));
+  PetscCall(ShapeGetRadius(g->shape, radius));
+  *volume = mass.volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropsStartBall(Drops b, PetscReal centre[3], PetscReal *radius, PetscReal *volume)
 {
+  PetscReal x[3], own, more;
+
   PetscFunctionBeginUser;
   *radius = *volume = 0;
-  for (PetscInt a = 0; a < 3; a++) {
-    centre[a] = 0;
-    for (PetscInt g = 0; g < b->s.ngroups; g++) centre[a] += b->group[g].x[a] / (PetscReal)b->s.ngroups;
+  for (PetscInt a = 0; a < 3; a++) centre[a] = 0;
+  for (PetscInt g = 0; g < b->s.ngroups; g++) {
+    PetscCall(find_ball(b, b->group + g, x, &own, &more));
+    for (PetscInt a = 0; a < 3; a++) centre[a] += x[a] / (PetscReal)b->s.ngroups;
+    *volume += more;
   }
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
-    PetscReal r[3], own;
-    ShapeMass mass;
-
-    PetscCall(ShapeGetMass(b->group[g].shape, &mass));
-    PetscCall(ShapeGetRadius(b->group[g].shape, &own));
-    *volume += mass.volume;
-    for (PetscInt a = 0; a < 3; a++) r[a] = b->group[g].x[a] - centre[a];
-    *radius = PetscMax(*radius, PetscSqrtReal(dot3(r, r)) + own);
+    PetscCall(find_ball(b, b->group + g, x, &own, &more));
+    for (PetscInt a = 0; a < 3; a++) x[a] -= centre[a];
+    *radius = PetscMax(*radius, PetscSqrtReal(dot3(x, x)) + own);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -138,13 +138,122 @@ def test_ball_ranks_and_restart(pushed):
     assert pushed(*options, "-sim_steps", "2", "-sim_restart", "latest", folder="part")[0] == whole
 
 
+THREAD = """
+mesh: {cells: [9, 4, 4], upper: [4.487989505128276, 2, 2]}
+flow: {density: 0.001, viscosity: 0.0001, solver: balanced, bc_left: &s {type: slip}, bc_right: *s, bc_bottom: *s, bc_top: *s, bc_back: *s, bc_front: *s}
+particle:
+  groups: thread
+  thread: {region: "sqrt(y^2 + z^2) - 1 - 0.02*cos(0.7*x)", material: fluid, density: 1, viscosity: 0.1, surface_tension: 1, contact_angle: 90 deg}
+sim: {dt: 0.2, steps: 20}
+output: {every: 0}
+"""
+
+
+def test_thread(run, scene):
+    """A liquid thread between smooth walls, a quarter of half a wave: the growth rate of its wave is that of Chandrasekhar (two cells a radius)."""
+    result = run([scene(THREAD), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    rows = read_rows(result.folder / "out" / "drops.csv")
+    half = math.pi / 0.7
+    wave = [(half / 2 - row["x"]) * 0.49 * half / 4 for row in rows]  # of the amplitude, by the centre
+    assert wave[0] == pytest.approx(0.02, rel=0.01) and max(abs(row["volume_error"]) for row in rows) < 1e-12
+    # two waves, one that grows and one that fades: wave[n + 4] = p wave[n] + q wave[n - 4]
+    moments = [[sum(wave[i + a] * wave[i + b] for i in range(8, 16)) for b in (0, -4, 4)] for a in (0, -4)]
+    (aa, ab, ac), (_, bb, bc) = moments
+    p, q = (ac * bb - bc * ab) / (aa * bb - ab * ab), (aa * bc - ab * ac) / (aa * bb - ab * ab)
+    assert math.log(p / 2 + math.sqrt(p * p / 4 + q)) / 0.8 == pytest.approx(0.28042, rel=0.01)
+
+
+CAP = """
+mesh: {cells: [8, 4, 8], upper: [1.5, 0.75, 1.5]}
+flow: {density: 1, viscosity: 1, solver: direct, bc_bottom: {type: slip}}
+particle:
+  groups: drop
+  drop: {region: "sqrt((x - 0.76)^2 + (y + 0.3)^2 + (z - 0.74)^2) - 0.6", material: fluid, density: 1, viscosity: 1, surface_tension: 1, contact_angle: 60 deg}
+sim: {dt: 0.02, steps: 2}
+monitor: {momentum: true}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("angle, fast", [("60", False), ("90", True)])
+def test_cap(run, scene, angle, fast):
+    """The cap of a ball stays as it is at its own contact angle; at another the line moves. Momentum balances with the pull of the wall."""
+    result = run([scene(CAP), "-output_dir", "out", "-particle_drop_contact_angle", angle + "deg", "-flow_bc_bottom_navier", "0.2"])
+    assert result.status == 0, str(result)
+    rows, series = (read_rows(result.folder / "out" / f"{name}.csv") for name in ("drops", "series"))
+    assert rows[0]["volume"] == pytest.approx(math.pi * 0.09 * 1.5 / 3, rel=1e-3) and abs(rows[-1]["volume_error"]) < 1e-10
+    assert (series[-1]["kinetic_energy"] > 1e-5) == fast and (series[-1]["kinetic_energy"] < 1e-8) != fast
+    assert max(row["momentum_error"] for row in series) < 1e-9
+
+
+LAYER = """
+mesh: {cells: [4, 4, 4]}
+flow: {density: 0.1, viscosity: 0.01, gravity: [0, -1, 0], solver: direct, bc_left: &s {type: slip}, bc_right: *s, bc_bottom: *s, bc_top: *s, bc_back: *s, bc_front: *s}
+particle:
+  groups: water
+  water: {region: "y - 0.45 - 0.03*cos(pi*x)*cos(pi*z)", material: fluid, density: 1, viscosity: 0.02, surface_tension: 0.1, contact_angle: 75 deg}
+sim: {dt: 0.05, steps: 2}
+monitor: {momentum: true}
+output: {every: 0}
+"""
+
+
+def test_layer(run, scene):
+    """A layer with a wave between smooth walls that it wets: the same on 1 and 2 ranks, a restart to the bit, momentum balances."""
+
+    def start(folder, steps, ranks=1, *options):
+        result = run([scene(LAYER), "-output_dir", folder, "-sim_steps", steps, *options], ranks)
+        assert result.status == 0, str(result)
+        return [read_rows(result.folder / folder / f"{name}.csv") for name in ("drops", "series")]
+
+    (whole, series), (two, _) = start("whole", "2"), start("two", "2", 2)
+    assert whole[-1]["volume"] == pytest.approx(0.45, rel=1e-4) and max(row["momentum_error"] for row in series) < 1e-10
+    for name in ("volume", "x", "y", "v", "sphericity"):
+        assert two[-1][name] == pytest.approx(whole[-1][name], rel=1e-7, abs=1e-9), name
+    start("part", "1", 1, "-checkpoint_every", "1")
+    assert start("part", "2", 1, "-sim_restart", "latest")[0] == whole
+
+
+FLOATS = [
+    *["-mesh_cells", "9,7,9", "-mesh_lower", "-0.75,-0.5,-0.75", "-mesh_upper", "0.75,0.6666666666666667,0.75", "-particle_water_region", "y", "-particle_groups", "water,ball"],
+    *["-particle_water_contact_angle", "90deg", "-particle_water_viscosity", "0.1", "-particle_water_surface_tension", "0.028125", "-particle_ball_shape", "circle", "-particle_ball_radius", "0.25"],
+    *["-particle_ball_density", "1", "-couple_method", "penalty", "-particle_ball_position", "0,-0.1,0", "-monitor_momentum"],
+]
+
+
+def test_floating_angle(run, scene):
+    """A ball that floats with its centre below the water, of 3 cells across: a wetting one is drawn down, one that is not up; momentum balances."""
+    speed = []
+    for angle in ("60", "120"):
+        result = run([scene(LAYER), *FLOATS, "-output_dir", angle, "-sim_steps", "2", "-flow_solver", "balanced", "-particle_ball_contact_angle", angle + "deg"])
+        assert result.status == 0, str(result)
+        series, bodies, drops = (read_rows(result.folder / angle / f"{name}.csv") for name in ("series", "bodies", "drops"))
+        assert max(row["momentum_error"] for row in series) < 1e-11 and abs(drops[-1]["volume_error"]) < 1e-3
+        assert max(abs(bodies[-1]["u"]), abs(bodies[-1]["w"])) < 2e-3
+        speed.append(bodies[-1]["v"])
+    assert speed[0] < speed[1] - 1e-3
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
-        (["-particle_drop_contact_angle", "60 deg"], "drops wet walls in the plane only so far"),
+        (["-flow_bc_left_type", "no_slip"], "The fluid 'water' reaches the side x = 0."),
+        (["-mesh_periodic", "x"], "reaches over a period"),
+    ],
+)
+def test_region_refused(run, scene, options, message):
+    """A region that reaches a side that it cannot wet, or over a period."""
+    result = run([scene(LAYER), "-output_dir", "out", *options])
+    assert result.status != 0 and message in result.err + result.out, str(result)
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["-particle_drop_contact_angle", "60 deg"], "no plane wall of type slip"),
         (["-flow_velocity_operator", "matrix_free"], "use -flow_velocity_operator assembled"),
         ([*BALL, *SMALL, "-couple_method", "aligned"], "rigid bodies beside them are held by the penalty: give -couple_method penalty"),
-        ([*BALL, *SMALL, "-couple_method", "penalty", "-particle_ball_contact_angle", "60 deg"], "drops wet bodies in the plane only so far"),
         (["-particle_drop_film", "0.05"], "for the plane so far"),
         (["-particle_drop_radius", "0.1"], "use smaller cells (-mesh_cells)"),
         (["-mesh_levels", "2", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Drops in space on cells of several sizes"),

@@ -1,0 +1,236 @@
+/* PhaseSheet, solids: how a sheet meets the surface of something solid (phase/sheet.h), as curves do in the plane
+   (meet.c). Faces stay; their nodes inside of what is solid, and so far before it, are moved along the sheet's normal.
+   From every node around them that stays a line goes on smoothly and meets the surface at the contact angle; a moved
+   node is on the mean of what these lines say, near ones counting most: before the surface on a cubic between the
+   planes at their two ends, inside on the planes of the contact line, which flatten out there. */
+#include "compat.h"
+#include "phase/sheet.h"
+#include "base/algebra.h"
+#include "base/face.h"
+
+#define DIFFER 1e-5 /* of a length: for normals of the surface */
+#define ROUNDS 40
+#define MOVES  4   /* times that nodes go to where the planes say, which know where they were */
+#define INWARD 0.2 /* cosine: so much towards the surface a line goes at nearest */
+#define STEEP  0.2 /* cosine between normals of the sheet: so little at least */
+#define FADES  2   /* lengths, inside: half of the slope is left */
+#define CLOSE  1e-12
+
+typedef struct {
+  PetscReal x[3], n[3], d; /* a node that stays, the normal of what stays of the sheet there, how far it is outside */
+  PetscReal c[3], m[3];    /* where its line meets the surface, normal of the sheet there */
+} Rim;
+
+typedef struct {
+  PhaseSheet       *sheet;
+  const PhaseSolid *solid;
+  PetscReal (*x)[3], *d; /* [nnode] */
+  PetscBool *moves;      /* [nnode] */
+  PetscInt   nrim;
+  Rim       *rim; /* [nnode] */
+} Meet;
+
+static void normalise(PetscReal n[3])
+{
+  const PetscReal size = PetscMax(PETSC_SMALL, PetscSqrtReal(dot3(n, n)));
+
+  for (PetscInt a = 0; a < 3; a++) n[a] /= size;
+}
+
+static PetscErrorCode normal_at(const PhaseSolid *s, const PetscReal x[3], PetscReal n[3])
+{
+  const PetscReal e = DIFFER * s->h;
+  PetscReal       y[18], d[6];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 18; i++) y[i] = x[i % 3] + (i / 6 == i % 3 ? (i / 3 % 2 ? -e : e) : 0);
+  PetscCall((*s->distance)(s->ctx, 6, y, d, NULL));
+  for (PetscInt a = 0; a < 3; a++) n[a] = d[2 * a] - d[2 * a + 1];
+  normalise(n);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Part of v across n, of length 1 */
+static void across(const PetscReal v[3], const PetscReal n[3], PetscReal t[3])
+{
+  const PetscReal along = dot3(v, n);
+
+  for (PetscInt a = 0; a < 3; a++) t[a] = v[a] - along * n[a];
+  normalise(t);
+}
+
+/* ---- which nodes ---- */
+
+/* Nodes inside, and from there all that are near, by faces; *any: are there such? */
+static PetscErrorCode find_moving(Meet *m, PetscBool *any)
+{
+  const PhaseSheet *s     = m->sheet;
+  PetscBool         again = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  *any = PETSC_FALSE;
+  PetscCall(PetscArrayzero(m->moves, s->nnode));
+  for (PetscInt i = 0; i < 9 * s->n; i++)
+    if (!s->wall[i / 9] && m->d[s->node[i / 9][i % 9]] < 0) m->moves[s->node[i / 9][i % 9]] = *any = PETSC_TRUE;
+  while (again) {
+    again = PETSC_FALSE;
+    for (PetscInt e = 0; e < s->n; e++) {
+      PetscBool reached = PETSC_FALSE;
+
+      for (PetscInt j = 0; j < 9; j++) reached = (PetscBool)(reached || m->moves[s->node[e][j]]);
+      for (PetscInt j = 0; j < 9 && reached && !s->wall[e]; j++) {
+        const PetscInt i = s->node[e][j];
+
+        if (m->moves[i] || m->d[i] >= m->solid->h) continue;
+        m->moves[i] = again = PETSC_TRUE;
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes that stay beside those that move */
+static PetscErrorCode find_rim(Meet *m)
+{
+  const PhaseSheet *s = m->sheet;
+  PetscBool        *beside;
+  PetscReal(*n)[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(s->nnode, &beside, s->nnode, &n));
+  for (PetscInt e = 0; e < s->n; e++) {
+    PetscBool touched = PETSC_FALSE;
+
+    for (PetscInt j = 0; j < 9; j++) touched = (PetscBool)(touched || m->moves[s->node[e][j]]);
+    for (PetscInt j = 0; j < 9 && !s->wall[e]; j++) {
+      PetscReal more[3];
+
+      if (touched) beside[s->node[e][j]] = (PetscBool)!m->moves[s->node[e][j]];
+      if (touched) continue;
+      FaceNodeNormal(s->x[e], j, more);
+      for (PetscInt a = 0; a < 3; a++) n[s->node[e][j]][a] += more[a];
+    }
+  }
+  for (PetscInt i = 0; i < s->nnode; i++) {
+    Rim *r = m->rim + m->nrim;
+
+    if (!beside[i] || dot3(n[i], n[i]) == 0) continue;
+    normalise(n[i]);
+    *r = (Rim){.d = m->d[i]};
+    for (PetscInt a = 0; a < 3; a++) {
+      r->x[a] = m->x[i][a];
+      r->n[a] = n[i][a];
+    }
+    m->nrim++;
+  }
+  PetscCall(PetscFree2(beside, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- where they go ---- */
+
+/* From a node that stays to the surface: a chord between its tangent and the one there, as in the plane */
+static PetscErrorCode find_contact(const PhaseSolid *s, Rim *r)
+{
+  PetscReal n[3], d, angle, t[3];
+
+  PetscFunctionBeginUser;
+  PetscCall((*s->distance)(s->ctx, 1, r->x, &d, &angle));
+  PetscCall(normal_at(s, r->x, n));
+  across(n, r->n, t);
+  for (PetscInt a = 0; a < 3; a++) r->c[a] = r->x[a];
+  for (PetscInt round = 0; round < ROUNDS; round++) {
+    PetscReal along[3], own[3], e[3], y[3] = {r->x[0], r->x[1], r->x[2]}, in, way[3];
+
+    across(r->n, n, along);
+    for (PetscInt a = 0; a < 3; a++) r->m[a] = PetscCosReal(angle) * n[a] + PetscSinReal(angle) * along[a];
+    across(n, r->m, own);
+    for (PetscInt a = 0; a < 3; a++) e[a] = -t[a] - own[a];
+    normalise(e);
+    in = dot3(e, n);
+    for (PetscInt a = 0; a < 3; a++) e[a] -= PetscMax(0, in + INWARD) * n[a];
+    for (PetscInt i = 0; i < ROUNDS; i++) {
+      PetscCall((*s->distance)(s->ctx, 1, y, &d, NULL));
+      PetscCall(normal_at(s, y, n));
+      if (PetscAbsReal(d) < CLOSE * s->h) break;
+      in = PetscMax(INWARD, -dot3(e, n));
+      for (PetscInt a = 0; a < 3; a++) y[a] += d / in * e[a];
+    }
+    for (PetscInt a = 0; a < 3; a++) way[a] = y[a] - r->c[a];
+    for (PetscInt a = 0; a < 3; a++) r->c[a] = y[a];
+    if (dot3(way, way) < PetscSqr(CLOSE * s->h)) break;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Height above y, along n, of a plane through p with normal q: of p, and what the slope adds */
+static void height_above(const PetscReal y[3], const PetscReal n[3], const PetscReal p[3], const PetscReal q[3],
+                         PetscReal weight, PetscReal h[2])
+{
+  const PetscReal way[3] = {p[0] - y[0], p[1] - y[1], p[2] - y[2]};
+  const PetscReal level  = dot3(way, n);
+
+  h[0] += weight * level;
+  h[1] += weight * (dot3(way, q) / PetscMax(STEEP, dot3(n, q)) - level);
+}
+
+static PetscReal weight_of(const PetscReal y[3], const PetscReal p[3], PetscReal h)
+{
+  const PetscReal way[3] = {p[0] - y[0], p[1] - y[1], p[2] - y[2]};
+
+  return 1 / PetscSqr(dot3(way, way) + 1e-6 * h * h);
+}
+
+static void move_node(const Meet *m, PetscInt i)
+{
+  const PetscReal h = m->solid->h, d = m->d[i];
+  PetscReal       stays[2] = {0, 0}, contact[2] = {0, 0}, n[3] = {0}, sum[2] = {0, 0}, far = 0, up, *x = m->x[i];
+
+  for (PetscInt k = 0; k < m->nrim; k++)
+    for (PetscInt a = 0; a < 3; a++) n[a] += weight_of(x, m->rim[k].x, h) * m->rim[k].n[a];
+  normalise(n);
+  for (PetscInt k = 0; k < m->nrim; k++) {
+    const Rim      *r = m->rim + k;
+    const PetscReal w = weight_of(x, r->x, h), v = weight_of(x, r->c, h);
+
+    height_above(x, n, r->x, r->n, w, stays);
+    height_above(x, n, r->c, r->m, v, contact);
+    far += w * r->d;
+    sum[0] += w;
+    sum[1] += v;
+  }
+  for (PetscInt a = 0; a < 2; a++) {
+    stays[a] /= sum[0];
+    contact[a] /= sum[1];
+  }
+  if (d <= 0) up = contact[0] + contact[1] / (1 - d / (FADES * h));
+  else {
+    const PetscReal r = PetscMin(1, d * sum[0] / far), b = r * r * (3 - 2 * r); /* Hermite's cubic */
+
+    up = (1 - b) * (contact[0] + contact[1] / (1 + 2 * r)) + b * (stays[0] + stays[1] / (3 - 2 * r));
+  }
+  for (PetscInt a = 0; a < 3; a++) x[a] += up * n[a];
+}
+
+PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
+{
+  Meet      m   = {.sheet = s, .solid = solid};
+  PetscBool any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc4(s->nnode, &m.x, s->nnode, &m.d, s->nnode, &m.moves, s->nnode, &m.rim));
+  for (PetscInt i = 0; i < 27 * s->n; i++) m.x[s->node[i / 27][i % 27 / 3]][i % 3] = s->x[i / 27][i % 27 / 3][i % 3];
+  PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
+  PetscCall(find_moving(&m, &any));
+  if (any) PetscCall(find_rim(&m));
+  for (PetscInt k = 0; k < m.nrim; k++) PetscCall(find_contact(solid, m.rim + k));
+  for (PetscInt round = 0; round < MOVES && m.nrim; round++) {
+    for (PetscInt i = 0; i < s->nnode; i++)
+      if (m.moves[i]) move_node(&m, i);
+    PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
+  }
+  for (PetscInt i = 0; i < 27 * s->n; i++) s->x[i / 27][i % 27 / 3][i % 3] = m.x[s->node[i / 27][i % 27 / 3]][i % 3];
+  PetscCall(PetscFree4(m.x, m.d, m.moves, m.rim));
+  PhaseSheetUpdate(s);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
