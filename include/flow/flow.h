@@ -162,7 +162,7 @@ PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const Petsc
    FlowAddCellTerms. Local. */
 PetscErrorCode FlowDescribeCellTerms(Flow, const void *owner, const PetscReal moment[], const PetscInt without[]);
 /* lumped [nnode_all], borrowed: what of the same terms counts as mass for the pressure, complete on all nodes. After
-   FlowAddCellTerms. Local. */
+   FlowAddCellTerms, on ranks without terms too. Local. */
 PetscErrorCode FlowCountCellTerms(Flow, const void *owner, const PetscReal lumped[]);
 /* Force, integrated with the basis, [nnode_all][dim]: contributions of own cells; FlowRhs sums over ranks. Local. */
 PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
@@ -361,8 +361,9 @@ PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[],
 PetscErrorCode FlowGetCellSize(Flow, const PetscReal *h[]);
 /* Row sums of M, without density, [nnode_all]. Borrowed. Local. */
 PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
-/* Row sums of M weighted with density over that of the parameters, [nnode_all]; the array of FlowGetLumpedMass where
-   the density is constant. Borrowed. Local. */
+/* Masses of the nodes for preconditioners, of M weighted with density over that of the parameters, [nnode_all]: the row
+   sums of FlowGetLumpedMass where the density is constant, else each cell's mass in proportion to its diagonal, which
+   is positive where row sums are not, in flat corners beside a light fluid. Borrowed. Local. */
 PetscErrorCode FlowGetInertialMass(Flow, const PetscReal *m[]);
 
 /* ---- diagnostics and output: run, report ---- */

@@ -23,7 +23,7 @@ PetscErrorCode RemapDestroy(Remap *);
 
 /* What each cell is now, [ncell_all] */
 typedef struct {
-  const PetscInt *inactive; /* >= 0: no part of the fluid */
+  const PetscInt *inactive; /* >= 0: no part of the fluid; NULL: all are */
   const PetscInt *side;     /* a cell of side s is not asked for positions of side -s; 0: for all */
 } RemapCells;
 
@@ -32,6 +32,13 @@ typedef struct {
 PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
                              RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
                              RemapCount *);
+/* The same at the feet of trajectories: fields at y of each node, y + part way(y) = x, way [nnode_all][dim] a
+   displacement of all nodes, synced, and part [n]; all cells answer. This is where x is in the mesh moved by part way;
+   beside it y is the nearest place of the nearest cell. out [n][1 + nfield][dim]: x - y, then the fields.
+   Collective. */
+PetscErrorCode RemapEvaluateFeet(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscReal way[],
+                                 const PetscReal part[], PetscInt nfield, const PetscReal *const field[],
+                                 PetscReal out[]);
 /* The same for positions of another mesh, in cells of these sizes [n] (RemapCellSize of theirs); out has on entry what
    (d) leaves. Collective. */
 PetscErrorCode RemapEvaluateAt(Remap, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[],

@@ -5,15 +5,14 @@
 #include "drops.h"
 #include "impl.h"
 
-#define NEAR   3 /* cells: chi is 1 */
-#define FAR    6 /* and 0 from here on */
-#define ROUNDS 5
+#define NEAR 3 /* cells: chi is 1 */
+#define FAR  6 /* and 0 from here on */
 
 typedef struct {
-  PetscInt   n, moving; /* own nodes that are carried, first those with chi > 0 */
-  PetscInt  *node, *side;
-  PetscReal *x, *y, *chi; /* [n][dim]; chi [n] */
-  PetscReal *value;       /* [n][3][dim] */
+  PetscInt   n; /* own nodes that are carried */
+  PetscInt  *node;
+  PetscReal *x, *chi; /* [n][dim]; [n] */
+  PetscReal *value;   /* [n][4][dim]: x - y, then u, u_old and what was x - y in the step before, at y */
 } Feet;
 
 /* Where the nodes will be, all */
@@ -63,43 +62,17 @@ static PetscBool is_moved(const CoupleDrops *f, const MeshLocal *l, const PetscR
 static PetscErrorCode list_nodes(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], Feet *t)
 {
   const PetscInt dim = l->dim;
-  PetscReal     *chi;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode, &chi));
-  PetscCall(PetscMalloc6(l->nnode, &t->node, l->nnode, &t->side, dim * l->nnode, &t->x, dim * l->nnode, &t->y, l->nnode,
-                         &t->chi, 3 * dim * l->nnode, &t->value));
-  for (PetscInt i = 0; i < l->nnode; i++) chi[i] = weight_at(f, l, x + dim * i);
-  for (PetscInt moving = 1; moving >= 0; moving--) {
-    for (PetscInt i = 0; i < l->nnode; i++) {
-      if ((chi[i] > 0) != moving || (!moving && !is_moved(f, l, x, i))) continue;
-      t->node[t->n] = i;
-      t->side[t->n] = 0;
-      t->chi[t->n]  = chi[i];
-      for (PetscInt a = 0; a < dim; a++) t->x[dim * t->n + a] = t->y[dim * t->n + a] = x[dim * i + a];
-      t->n++;
-    }
-    if (moving) t->moving = t->n;
-  }
-  PetscCall(PetscFree(chi));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+  PetscCall(PetscMalloc4(l->nnode, &t->node, dim * l->nnode, &t->x, l->nnode, &t->chi, 4 * dim * l->nnode, &t->value));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscReal chi = weight_at(f, l, x + dim * i);
 
-static PetscErrorCode find_feet(const CoupleDrops *f, Couple c, RemapCells cells, Feet *t)
-{
-  const MeshLocal *l     = c->loc;
-  const PetscReal *field = f->way;
-  RemapCount       count;
-
-  PetscFunctionBeginUser;
-  for (PetscInt round = 0; round < ROUNDS; round++) {
-    PetscCall(RemapEvaluate(f->remap, t->moving, t->node, t->y, t->side, cells, 1, &field, t->value, &count));
-    for (PetscInt i = 0; i < l->dim * t->moving; i++) {
-      const PetscInt a = i % l->dim;
-
-      t->y[i] = t->x[i] - t->chi[i / l->dim] * t->value[i];
-      if (l->period[a] == 0) t->y[i] = PetscMax(l->lower[a], PetscMin(l->upper[a], t->y[i]));
-    }
+    if (chi == 0 && !is_moved(f, l, x, i)) continue;
+    t->node[t->n] = i;
+    t->chi[t->n]  = chi;
+    PetscCall(PetscArraycpy(t->x + dim * t->n, x + dim * i, dim));
+    t->n++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -115,11 +88,12 @@ static PetscErrorCode find_velocity(CoupleDrops *f, Couple c, const Feet *t, Pet
   PetscCall(PetscArrayzero(f->shift, n));
   for (PetscInt e = 0; e < t->n; e++)
     for (PetscInt a = 0; a < dim; a++) {
-      const PetscReal now = t->x[dim * e + a] - t->y[dim * e + a], before = now + t->value[3 * dim * e + 2 * dim + a];
+      const PetscReal *v   = t->value + 4 * dim * e + a;
+      const PetscReal  now = v[0], before = now + v[3 * dim];
 
       f->shift[dim * t->node[e] + a]    = now;
       f->velocity[dim * t->node[e] + a] = s->d0 * now + s->d1 * before;
-      for (PetscInt k = 0; k < 2; k++) value[2 * dim * e + dim * k + a] = t->value[3 * dim * e + dim * k + a];
+      for (PetscInt k = 0; k < 2; k++) value[2 * dim * e + dim * k + a] = v[dim * (1 + k)];
     }
   PetscCall(MeshSyncNodes(c->mesh, dim, f->velocity));
   PetscCall(MeshSyncNodes(c->mesh, dim, f->shift));
@@ -130,30 +104,24 @@ PetscErrorCode DropsCarry(CoupleDrops *f, Couple c, PetscInt *n, PetscInt *node[
 {
   const MeshLocal *l = c->loc;
   Feet             t = {.n = 0};
-  RemapCells       cells;
   PetscReal       *x, *u, *u_old;
-  PetscInt        *none;
-  RemapCount       count;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(l->dim * l->nnode_all, &x, 2 * l->ncell_all, &none));
-  for (PetscInt e = 0; e < 2 * l->ncell_all; e++) none[e] = e < l->ncell_all ? -1 : 0;
-  cells = (RemapCells){none, none + l->ncell_all};
+  PetscCall(PetscMalloc1(l->dim * l->nnode_all, &x));
   PetscCall(new_places(f, l, x));
   PetscCall(list_nodes(f, l, x, &t));
-  PetscCall(find_feet(f, c, cells, &t));
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
   {
     const PetscReal *field[3] = {u, u_old, f->shift};
 
-    PetscCall(RemapEvaluate(f->remap, t.n, t.node, t.y, t.side, cells, 3, field, t.value, &count));
+    PetscCall(RemapEvaluateFeet(f->remap, t.n, t.node, t.x, f->way, t.chi, 3, field, t.value));
   }
   *n = t.n;
   PetscCall(PetscMalloc1(t.n, node));
   PetscCall(PetscMalloc1(2 * l->dim * t.n, value));
   PetscCall(PetscArraycpy(*node, t.node, t.n));
   PetscCall(find_velocity(f, c, &t, *value));
-  PetscCall(PetscFree6(t.node, t.side, t.x, t.y, t.chi, t.value));
-  PetscCall(PetscFree2(x, none));
+  PetscCall(PetscFree4(t.node, t.x, t.chi, t.value));
+  PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -241,22 +241,49 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The mass of a cell in proportion to the diagonal of its mass matrix (Hinton, Rock & Zienkiewicz 1976), in its slots:
+   mass [nb] += */
+static PetscErrorCode scale_diagonal(Flow f, PetscInt c, PetscReal mass[])
+{
+  const PetscInt nb                    = f->loc->nb;
+  PetscReal      diagonal[MESH_MAX_NB] = {0}, volume = 0, sum = 0;
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    volume += m.weight[q];
+    for (PetscInt j = 0; j < nb; j++) diagonal[j] += m.weight[q] * PetscSqr(f->element.phi[q * f->element.nbp + j]);
+  }
+  for (PetscInt j = 0; j < nb; j++) sum += diagonal[j];
+  for (PetscInt j = 0; j < nb; j++) diagonal[j] *= volume / sum;
+  MeshCellScatter(f->loc, c, 1, diagonal);
+  for (PetscInt j = 0; j < nb; j++) mass[j] += diagonal[j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowUpdateInertia(Flow f)
 {
   const MeshLocal *l = f->loc;
+  Properties      *p = &f->properties;
 
   PetscFunctionBeginUser;
-  if (!f->properties.density) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!f->properties.inertia) PetscCall(PetscMalloc1(l->nnode_all, &f->properties.inertia));
-  PetscCall(PetscArrayzero(f->properties.inertia, l->nnode_all));
+  if (!p->density) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!p->inertia) PetscCall(PetscMalloc2(l->nnode_all, &p->inertia, l->nnode_all, &p->mass));
+  PetscCall(PetscArrayzero(p->inertia, l->nnode_all));
+  PetscCall(PetscArrayzero(p->mass, l->nnode_all));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal mass[MESH_MAX_NB] = {0};
+    PetscReal row[MESH_MAX_NB] = {0}, mass[MESH_MAX_NB] = {0};
 
-    PetscCall(lump_slots(f, c, mass));
-    for (PetscInt j = 0; j < l->nb; j++)
-      f->properties.inertia[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * mass[j];
+    PetscCall(lump_slots(f, c, row));
+    PetscCall(scale_diagonal(f, c, mass));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      p->inertia[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * row[j];
+      p->mass[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * mass[j];
+    }
   }
-  PetscCall(MeshSyncNodes(f->mesh, 1, f->properties.inertia));
+  PetscCall(MeshSyncNodes(f->mesh, 1, p->inertia));
+  PetscCall(MeshSyncNodes(f->mesh, 1, p->mass));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

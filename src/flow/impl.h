@@ -33,9 +33,10 @@ typedef struct {
 /* Of FlowSetProperties, NULL: the number of the parameters */
 typedef struct {
   const PetscReal *density, *viscosity; /* [ncell_all] */
-  PetscReal
-           *inertia; /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
-  PetscBool lost;    /* there were some on the mesh before, and nobody has set them since */
+  /* [nnode_all] of M weighted with density over that of the parameters: row sums; what FlowGetInertialMass gives. NULL:
+     never needed */
+  PetscReal *inertia, *mass;
+  PetscBool  lost; /* there were some on the mesh before, and nobody has set them since */
 } Properties;
 
 /* Scheme and history in time */
@@ -236,7 +237,7 @@ static inline PetscReal FlowDensityRatio(const struct _p_Flow *f, PetscInt c)
   return f->properties.density ? f->properties.density[c] / f->par.density : 1;
 }
 
-/* Lumped mass by node that inertia has, see FlowGetInertialMass */
+/* Row sums of the mass that inertia has */
 static inline const PetscReal *FlowInertia(const struct _p_Flow *f)
 {
   return f->properties.density ? f->properties.inertia : f->cells.lumped;

@@ -91,11 +91,14 @@ PetscErrorCode FlowDescribeCellTerms(Flow f, const void *owner, const PetscReal 
 
 PetscErrorCode FlowCountCellTerms(Flow f, const void *owner, const PetscReal lumped[])
 {
-  Owners        *o  = &f->owners;
-  const PetscInt at = find_owner(o->terms, sizeof(*o->terms), o->nterms, owner);
+  Owners        *o      = &f->owners;
+  const PetscInt before = o->nterms;
+  PetscInt       at;
 
   PetscFunctionBeginUser;
-  if (at < o->nterms) o->terms[at].lumped = lumped;
+  PetscCall(OwnersAssign(FLOW_OWNERS, o->terms, sizeof(*o->terms), &o->nterms, owner, PETSC_TRUE, &at));
+  if (at == before) o->terms[at] = (CellTerms){.owner = owner}; /* none of its terms is on this rank */
+  o->terms[at].lumped = lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

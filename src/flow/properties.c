@@ -29,7 +29,7 @@ PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscR
 PetscErrorCode FlowGetInertialMass(Flow f, const PetscReal *m[])
 {
   PetscFunctionBeginUser;
-  *m = FlowInertia(f);
+  *m = f->properties.density ? f->properties.mass : f->cells.lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

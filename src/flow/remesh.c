@@ -42,7 +42,7 @@ PetscErrorCode FlowDestroyComponents(Flow f)
   PetscCall(MatDestroy(&f->matrix.A));
   PetscCall(PetscFree(f->matrix.entry));
   PetscCall(OwnersClear(&f->owners));
-  PetscCall(PetscFree(f->properties.inertia));
+  PetscCall(PetscFree2(f->properties.inertia, f->properties.mass));
   PetscCall(FlowDestroyCells(f));
   PetscCall(TractionDestroy(&f->force.traction));
   PetscCall(ConditionsDestroy(&f->boundary));

@@ -30,7 +30,29 @@ struct _p_Remap {
   PetscReal        pad;
 };
 
+/* The mesh as it is, or (way not NULL) its nodes moved by part times way [nnode_all][dim]: places are looked for there
+   and values taken where they came from */
+typedef struct {
+  const PetscReal *way;
+  PetscReal        part;
+} Moved;
+
 /* ---- one cell ---- */
+
+static PetscErrorCode place_cell(Remap r, Moved moved, PetscInt c, PetscReal xc[])
+{
+  const MeshLocal *l    = r->loc;
+  const PetscInt  *node = l->cell_node + c * l->nb, dim = l->dim;
+  PetscReal        d[3 * MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(r->mesh, c, xc));
+  if (!moved.way || moved.part == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt e = 0; e < dim * l->nb; e++) d[e] = moved.part * moved.way[dim * node[e / dim] + e % dim];
+  MeshCellGather(l, c, dim, d);
+  for (PetscInt e = 0; e < dim * l->nb; e++) xc[e] += d[e];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* Place y and Jacobian J[a][e] = dx_a/dxi_e of a cell with nodes xc; returns det J */
 static PetscReal map_cell(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal y[], PetscReal J[])
@@ -82,7 +104,7 @@ static Answer answer_at(PetscReal key, PetscInt cell, PetscInt dim, const PetscR
 }
 
 /* Try cell c for x (the image nearest to the cell): a better answer replaces *best */
-static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[], PetscReal size, Answer *best)
+static PetscErrorCode try_cell(Remap r, Moved moved, PetscInt c, const PetscReal at[], PetscReal size, Answer *best)
 {
   const MeshLocal *l   = r->loc;
   const PetscInt   dim = l->dim;
@@ -90,7 +112,7 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[], PetscR
   const PetscReal *centre = xc + dim * (l->nb / 2);
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(r->mesh, c, xc));
+  PetscCall(place_cell(r, moved, c, xc));
   for (PetscInt a = 0; a < dim; a++) x[a] = DomainNearest(l->period[a], at[a], centre[a]);
   if (invert_map(dim, xc, x, xi)) {
     outside = largest_of(dim, xi);
@@ -116,7 +138,7 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[], PetscR
 
 static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
 {
-  return (PetscBool)(cells.inactive[c] < 0 && (!side || cells.side[c] != -side));
+  return (PetscBool)(!cells.inactive || (cells.inactive[c] < 0 && (!side || cells.side[c] != -side)));
 }
 
 /* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */
@@ -154,15 +176,25 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[], PetscReal size, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_answer(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells,
-                                  PetscBool own, Answer *best)
+/* In the moved mesh an answer is the nearest place of its cell */
+static void hold_inside(PetscInt dim, Answer *best)
+{
+  for (PetscInt a = 0; a < dim; a++) {
+    best->xi[a]     = PetscMax(-1, PetscMin(1, best->xi[a]));
+    best->offset[a] = 0;
+  }
+}
+
+static PetscErrorCode find_answer(Remap r, Moved moved, const PetscReal x[], PetscReal size, PetscInt side,
+                                  RemapCells cells, PetscBool own, Answer *best)
 {
   PetscInt n, cell[MAX_PATCH];
 
   PetscFunctionBeginUser;
   *best = (Answer){.key = 3000, .cell = -1};
   PetscCall(find_patch(r, x, size, side, cells, own, &n, cell));
-  for (PetscInt e = 0; e < n && best->key > 0; e++) PetscCall(try_cell(r, cell[e], x, size, best));
+  for (PetscInt e = 0; e < n && best->key > 0; e++) PetscCall(try_cell(r, moved, cell[e], x, size, best));
+  if (moved.way && best->key > 0) hold_inside(r->loc->dim, best);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -182,8 +214,8 @@ static PetscBool is_in_box(PetscInt dim, PetscInt nb, const PetscReal xc[], cons
 }
 
 /* Most nodes move within the cells around them: is x in one of those of own node i? */
-static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], PetscInt side, RemapCells cells,
-                                 Answer *best)
+static PetscErrorCode try_around(Remap r, Moved moved, PetscInt i, const PetscReal at[], PetscInt side,
+                                 RemapCells cells, Answer *best)
 {
   const MeshLocal *l   = r->loc;
   const PetscInt   dim = l->dim;
@@ -195,7 +227,7 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], Pets
     PetscReal      xc[3 * MESH_MAX_NB], x[3], xi[3];
 
     if (!may_answer(cells, c, side)) continue;
-    PetscCall(MeshCellCoordinates(r->mesh, c, xc));
+    PetscCall(place_cell(r, moved, c, xc));
     for (PetscInt a = 0; a < dim; a++) x[a] = DomainNearest(l->period[a], at[a], xc[dim * (l->nb / 2) + a]);
     if (is_in_box(dim, l->nb, xc, x) && invert_map(dim, xc, x, xi) && largest_of(dim, xi) < 1 + 1e-10)
       *best = answer_at(0, c, dim, xi);
@@ -203,9 +235,9 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values of the fields: v [nfield][dim] */
+/* Values of the fields: v [nfield][dim]; from (or NULL) = x less the place where they are taken */
 static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, const PetscReal *const field[],
-                               PetscReal v[])
+                               const PetscReal x[], PetscReal from[], PetscReal v[])
 {
   const PetscInt *node = r->loc->cell_node + answer->cell * r->loc->nb, dim = r->loc->dim, nb = r->loc->nb;
   PetscReal       xc[3 * MESH_MAX_NB], y[3], J[9], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], det, dxi[3];
@@ -213,6 +245,7 @@ static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, c
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(r->mesh, answer->cell, xc));
   det = map_cell(dim, xc, answer->xi, y, J);
+  for (PetscInt a = 0; a < dim && from; a++) from[a] = DomainNearest(r->loc->period[a], x[a] - y[a], 0);
   solve_map(dim, J, det, answer->offset, dxi);
   ElementBasis(dim, answer->xi, phi, dphi);
   for (PetscInt j = 0; j < nb; j++)
@@ -253,15 +286,41 @@ PetscReal RemapCellSize(Remap r, PetscInt i)
 
 /* A place that no cell of the rank which asks contains; which: its number there */
 typedef struct {
-  PetscReal x[3], size, side, which;
+  PetscReal x[3], size, side, which, part;
 } Question;
 
 #define REPLY 2 /* numbers before the values of a reply: key, which */
 
+/* Where values are wanted, and of which fields */
+typedef struct {
+  PetscInt                n;
+  const PetscInt         *nodes, *side; /* [n] where to look first (NULL: nodes of another mesh); see remap.h */
+  const PetscReal        *x, *size;     /* [n][dim], [n] of the cells there */
+  RemapCells              cells;
+  const PetscReal        *way, *part; /* see RemapEvaluateFeet, or NULL */
+  PetscInt                nfield;
+  const PetscReal *const *field;
+} Wanted;
+
+/* The mesh where place e is looked for */
+static Moved moved_for(const Wanted *w, PetscReal part)
+{
+  return (Moved){w->way, part};
+}
+
+/* Of a place x: with a way what it comes by, then the fields */
+static PetscErrorCode take_values(Remap r, const Wanted *w, const Answer *answer, const PetscReal x[], PetscReal v[])
+{
+  PetscReal *from = w->way ? v : NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(evaluate(r, answer, w->nfield, w->field, x, from, from ? v + r->loc->dim : v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Questions [*n], by the ranks to [*n] that they go to: those that may have cells in the patch around a place */
-static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[],
-                                     const PetscReal size[], const PetscInt side[], PetscInt *n, PetscMPIInt **to,
-                                     Question **question)
+static PetscErrorCode list_questions(Remap r, const Wanted *w, PetscInt nopen, const PetscInt open[], PetscInt *n,
+                                     PetscMPIInt **to, Question **question)
 {
   const PetscInt dim = r->loc->dim;
   PetscInt      *which;
@@ -270,37 +329,48 @@ static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt ope
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc2(nopen, &y, nopen, &reach));
   for (PetscInt e = 0; e < nopen; e++) {
-    PetscCall(PetscArraycpy(y[e], x + dim * open[e], dim));
-    reach[e] = PetscSqrtReal((PetscReal)dim) * (3 * size[open[e]] + r->pad);
+    PetscCall(PetscArraycpy(y[e], w->x + dim * open[e], dim));
+    reach[e] = PetscSqrtReal((PetscReal)dim) * (3 * w->size[open[e]] + r->pad);
   }
   PetscCall(RankBoxesSend(r->regions, nopen, (const PetscReal(*)[3])y, reach, n, to, &which));
   PetscCall(PetscMalloc1(*n, question));
   for (PetscInt i = 0; i < *n; i++) {
-    const PetscInt e = which[i];
+    const PetscInt e = which[i], at = open[e];
 
-    (*question)[i] = (Question){{y[e][0], y[e][1], y[e][2]}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
+    (*question)[i] = (Question){.x     = {y[e][0], y[e][1], y[e][2]},
+                                .size  = w->size[at],
+                                .side  = w->side ? (PetscReal)w->side[at] : 0,
+                                .which = (PetscReal)e,
+                                .part  = w->part ? w->part[at] : 0};
   }
   PetscCall(PetscFree2(y, reach));
   PetscCall(PetscFree(which));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Answers of own cells: reply [n][REPLY + nfield dim] */
-static PetscErrorCode answer_questions(Remap r, PetscInt n, const Question question[], RemapCells cells,
-                                       PetscInt nfield, const PetscReal *const field[], PetscReal reply[])
+/* Numbers that a place gets */
+static PetscInt width_of(Remap r, const Wanted *w)
 {
-  const PetscInt width = REPLY + nfield * r->loc->dim;
+  return (w->nfield + (w->way ? 1 : 0)) * r->loc->dim;
+}
+
+/* Answers of own cells: reply [n][REPLY + width_of] */
+static PetscErrorCode answer_questions(Remap r, const Wanted *w, PetscInt n, const Question question[],
+                                       PetscReal reply[])
+{
+  const PetscInt width = REPLY + width_of(r, w);
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n; i++) {
     PetscReal *to = reply + width * i;
     Answer     answer;
 
-    PetscCall(find_answer(r, question[i].x, question[i].size, (PetscInt)question[i].side, cells, PETSC_TRUE, &answer));
+    PetscCall(find_answer(r, moved_for(w, question[i].part), question[i].x, question[i].size,
+                          (PetscInt)question[i].side, w->cells, PETSC_TRUE, &answer));
     PetscCall(PetscArrayzero(to, width));
     to[0] = answer.key;
     to[1] = question[i].which;
-    if (answer.key < 3000) PetscCall(evaluate(r, &answer, nfield, field, to + REPLY));
+    if (answer.key < 3000) PetscCall(take_values(r, w, &answer, question[i].x, to + REPLY));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -313,32 +383,22 @@ static void count_answer(PetscReal key, RemapCount *count)
   else count->inside++;
 }
 
-/* Where values are wanted, and of which fields */
-typedef struct {
-  PetscInt                n;
-  const PetscInt         *nodes, *side; /* [n] where to look first (NULL: nodes of another mesh); see remap.h */
-  const PetscReal        *x, *size;     /* [n][dim], [n] of the cells there */
-  RemapCells              cells;
-  PetscInt                nfield;
-  const PetscReal *const *field;
-} Wanted;
-
 /* Positions that no local cell contains: open [nopen] of them. The answers of all ranks near by compete, of equal
    ones that of the lowest rank. */
 static PetscErrorCode ask_near(Remap r, const Wanted *w, PetscInt nopen, const PetscInt open[], PetscReal out[],
                                RemapCount *count)
 {
-  const PetscInt bs = r->loc->dim * w->nfield, width = REPLY + bs;
+  const PetscInt bs = width_of(r, w), width = REPLY + bs;
   PetscInt       n = 0, nask, nreply;
   PetscMPIInt   *to, *from, *who, *best;
   PetscReal     *key, *reply, *in;
   Question      *question, *asked;
 
   PetscFunctionBeginUser;
-  PetscCall(list_questions(r, nopen, open, w->x, w->size, w->side, &n, &to, &question));
+  PetscCall(list_questions(r, w, nopen, open, &n, &to, &question));
   PetscCall(SparseExchange(r->comm, r->tag, n, to, sizeof(*question), question, &nask, &asked, &from));
   PetscCall(PetscMalloc1(nask * width, &reply));
-  PetscCall(answer_questions(r, nask, asked, w->cells, w->nfield, w->field, reply));
+  PetscCall(answer_questions(r, w, nask, asked, reply));
   PetscCall(SparseExchange(r->comm, r->tag, nask, from, width * sizeof(*reply), reply, &nreply, &in, &who));
   PetscCall(PetscMalloc2(nopen, &key, nopen, &best));
   for (PetscInt e = 0; e < nopen; e++) key[e] = 3000;
@@ -372,11 +432,14 @@ static PetscErrorCode evaluate_all(Remap r, const Wanted *w, PetscReal out[], Re
   *count = (RemapCount){0, 0, 0, 0};
   PetscCall(PetscMalloc1(w->n, &open));
   for (PetscInt e = 0; e < w->n; e++) {
-    Answer best = {.key = 3000};
+    const PetscReal *x     = w->x + dim * e;
+    const PetscInt   side  = w->side ? w->side[e] : 0;
+    const Moved      moved = moved_for(w, w->part ? w->part[e] : 0);
+    Answer           best  = {.key = 3000};
 
-    if (w->nodes) PetscCall(try_around(r, w->nodes[e], w->x + dim * e, w->side[e], w->cells, &best));
-    if (best.key > 0) PetscCall(find_answer(r, w->x + dim * e, w->size[e], w->side[e], w->cells, PETSC_FALSE, &best));
-    if (best.key == 0) PetscCall(evaluate(r, &best, w->nfield, w->field, out + dim * e * w->nfield));
+    if (w->nodes) PetscCall(try_around(r, moved, w->nodes[e], x, side, w->cells, &best));
+    if (best.key > 0) PetscCall(find_answer(r, moved, x, w->size[e], side, w->cells, PETSC_FALSE, &best));
+    if (best.key == 0) PetscCall(take_values(r, w, &best, x, out + width_of(r, w) * e));
     else open[nopen++] = e;
   }
   count->inside = w->n - nopen;
@@ -428,7 +491,38 @@ PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const 
     for (PetscInt f = 0; f < nfield; f++)
       for (PetscInt a = 0; a < dim; a++) out[(e * nfield + f) * dim + a] = field[f][dim * nodes[e] + a];
   }
-  PetscCall(evaluate_all(r, &(Wanted){n, nodes, side, x, size, cells, nfield, field}, out, count));
+  PetscCall(evaluate_all(r, &(Wanted){n, nodes, side, x, size, cells, NULL, NULL, nfield, field}, out, count));
+  PetscCall(PetscFree(size));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RemapEvaluateFeet(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[],
+                                 const PetscReal way[], const PetscReal part[], PetscInt nfield,
+                                 const PetscReal *const field[], PetscReal out[])
+{
+  const PetscInt dim = r->loc->dim, width = dim * (1 + nfield);
+  PetscReal     *size;
+  RemapCount     count;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &size));
+  for (PetscInt e = 0; e < n; e++) {
+    size[e] = RemapCellSize(r, nodes[e]);
+    for (PetscInt a = 0; a < dim; a++) {
+      out[e * width + a] = DomainNearest(r->loc->period[a], x[dim * e + a] - r->loc->x[dim * nodes[e] + a], 0);
+      for (PetscInt f = 0; f < nfield; f++) out[e * width + dim * (1 + f) + a] = field[f][dim * nodes[e] + a];
+    }
+  }
+  PetscCall(evaluate_all(r,
+                         &(Wanted){.n      = n,
+                                   .nodes  = nodes,
+                                   .x      = x,
+                                   .size   = size,
+                                   .way    = way,
+                                   .part   = part,
+                                   .nfield = nfield,
+                                   .field  = field},
+                         out, &count));
   PetscCall(PetscFree(size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -438,6 +532,6 @@ PetscErrorCode RemapEvaluateAt(Remap r, PetscInt n, const PetscReal x[], const P
                                RemapCount *count)
 {
   PetscFunctionBeginUser;
-  PetscCall(evaluate_all(r, &(Wanted){n, NULL, side, x, size, cells, nfield, field}, out, count));
+  PetscCall(evaluate_all(r, &(Wanted){n, NULL, side, x, size, cells, NULL, NULL, nfield, field}, out, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -114,9 +114,37 @@ static void test_forces(void **state)
   close_case(&c);
 }
 
+/* What owners have in the lumped mass adds up, of terms and of operators, on ranks without terms too */
+static void test_lumped(void **state)
+{
+  static const char owner[2];
+  const PetscReal  *sum;
+  PetscReal        *lumped;
+  Case              c;
+
+  (void)state;
+  open_case(&c, "-mesh_cells 4,3");
+  OK(FlowGetOperatorDiagonal(c.flow, &sum));
+  assert_null(sum);
+  OK(PetscMalloc1(c.l->nnode_all, &lumped));
+  for (PetscInt i = 0; i < c.l->nnode_all; i++) lumped[i] = 1 + (PetscReal)i;
+  OK(FlowAddCellTerms(c.flow, &owner[0], 0, NULL, NULL));
+  OK(FlowCountCellTerms(c.flow, &owner[0], lumped));
+  OK(FlowAddOperator(c.flow, &owner[1], &(FlowOperator){.lumped = lumped}));
+  OK(FlowGetOperatorDiagonal(c.flow, &sum));
+  for (PetscInt i = 0; i < c.l->nnode_all; i++) NEAR(sum[i], 2 * lumped[i], 0);
+  OK(FlowAddOperator(c.flow, &owner[1], NULL));
+  OK(FlowAddCellTerms(c.flow, &owner[0], 0, NULL, NULL));
+  OK(FlowGetOperatorDiagonal(c.flow, &sum));
+  assert_null(sum);
+  OK(PetscFree(lumped));
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_terms), cmocka_unit_test(test_forces)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_terms), cmocka_unit_test(test_forces),
+                                     cmocka_unit_test(test_lumped)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -178,11 +178,54 @@ static void test_nodes(void **state)
   close_case(&c);
 }
 
+/* A displacement along the sides of the unit box, but for the two across the first axis, which it enters and leaves */
+static PetscReal displacement(PetscInt dim, PetscInt a, const PetscReal x[])
+{
+  return (a ? 0 : 0.05) + (0.1 - 0.04 * a) * x[a] * (1 - x[a]) * (1 + x[(a + 1) % dim]);
+}
+
+/* Feet of it, of which nodes take a half or nothing: exact for a quadratic; what comes from beyond the box has the
+   values of its side */
+static void test_feet(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    const PetscReal *field[1];
+    Case             c;
+    PetscInt        *node;
+    PetscReal       *x, *part, *way, *out;
+
+    open_case(&c, dim);
+    OK(PetscMalloc5(c.l->nnode, &node, c.l->nnode * dim, &x, c.l->nnode, &part, c.l->nnode_all * dim, &way,
+                    2 * c.l->nnode * dim, &out));
+    for (PetscInt i = 0; i < c.l->nnode_all * dim; i++) way[i] = displacement(dim, i % dim, c.l->x + i / dim * dim);
+    for (PetscInt i = 0; i < c.l->nnode; i++) {
+      node[i] = i;
+      part[i] = i % 2 ? 0.5 : 0;
+    }
+    OK(PetscArraycpy(x, c.l->x, c.l->nnode * dim));
+    field[0] = c.v;
+    OK(RemapEvaluateFeet(c.remap, c.l->nnode, node, x, way, part, 1, field, out));
+    for (PetscInt i = 0; i < c.l->nnode; i++) {
+      PetscReal y[3];
+
+      for (PetscInt a = 0; a < dim; a++) y[a] = x[dim * i + a] - out[2 * dim * i + a];
+      for (PetscInt a = 0; a < dim; a++) {
+        if (y[0] > 1e-9 || part[i] == 0) NEAR(out[2 * dim * i + a], part[i] * displacement(dim, a, y), 1e-12);
+        NEAR(out[2 * dim * i + dim + a], quadratic(dim, a, y), 1e-11);
+      }
+      assert_true(y[0] > -1e-12 && (y[0] > 1e-9 || x[dim * i] < 0.05));
+    }
+    OK(PetscFree5(node, x, part, way, out));
+    close_case(&c);
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_inside), cmocka_unit_test(test_uncovered),
-                                     cmocka_unit_test(test_sides), cmocka_unit_test(test_kept),
-                                     cmocka_unit_test(test_nodes)};
+                                     cmocka_unit_test(test_sides),  cmocka_unit_test(test_kept),
+                                     cmocka_unit_test(test_nodes),  cmocka_unit_test(test_feet)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
