@@ -9,7 +9,7 @@
 #include "fem/gauss.h"
 #include "fem/side.h"
 
-#define MASS     0.2  /* of the diagonal of tension: mass for the pressure */
+#define MASS     0.12 /* of the diagonal of tension: mass for the pressure */
 #define MIN_EDGE 1e-3 /* of a cell: half the length of the shortest edges that tension knows */
 
 /* u* at node i: the velocity that the prediction used */
@@ -106,7 +106,7 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
 }
 
 /* Tension and friction are a mass on nodes that the pressure has to move with: of their diagonal a part counts as such
-   (runs/studies/drops-space, "Cost") */
+   (runs/studies/drops-space, "Cost"; in the plane runs/studies/drops, "Iterations") */
 static PetscErrorCode count_terms(CoupleDrops *f, Couple c)
 {
   const PetscInt nb = c->loc->nb;

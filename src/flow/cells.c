@@ -241,6 +241,8 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+#define MIN_ROW 0.2 /* of the mass in proportion to the diagonal, 1 or so away from interfaces */
+
 /* The mass of a cell in proportion to the diagonal of its mass matrix (Hinton, Rock & Zienkiewicz 1976), in its slots:
    mass [nb] += */
 static PetscErrorCode scale_diagonal(Flow f, PetscInt c, PetscReal mass[])
@@ -284,6 +286,8 @@ PetscErrorCode FlowUpdateInertia(Flow f)
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, p->inertia));
   PetscCall(MeshSyncNodes(f->mesh, 1, p->mass));
+  for (PetscInt i = 0; i < l->nnode_all; i++) /* row sums keep momentum */
+    if (p->inertia[i] > MIN_ROW * p->mass[i]) p->mass[i] = p->inertia[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
