@@ -361,9 +361,9 @@ PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[],
 PetscErrorCode FlowGetCellSize(Flow, const PetscReal *h[]);
 /* Row sums of M, without density, [nnode_all]. Borrowed. Local. */
 PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
-/* Masses of the nodes for preconditioners, [nnode_all]: row sums of M weighted with density over that of the parameters,
-   the array of FlowGetLumpedMass where the density is constant. Where they are hardly positive or negative, in flat
-   corners beside a light fluid, masses in proportion to the diagonal of M. Borrowed. Local. */
+/* Masses of the nodes for preconditioners, [nnode_all]: row sums of M weighted with density over that of the
+   parameters, the array of FlowGetLumpedMass where the density is constant. Where they are hardly positive or negative,
+   in flat corners beside a light fluid, masses in proportion to the diagonal of M. Borrowed. Local. */
 PetscErrorCode FlowGetInertialMass(Flow, const PetscReal *m[]);
 
 /* ---- diagnostics and output: run, report ---- */
