@@ -16,9 +16,24 @@ extern "C" {
 
 typedef struct _n_DeviceKernels DeviceKernels;
 
+/* Of a function of the table below: calls, bytes that it reads and writes at least, seconds */
+typedef struct {
+  const char *name; /* with the memory's behind it, such as multiply_cuda */
+  double      calls, bytes, seconds;
+} DeviceCount;
+
+#define DEVICE_COUNTS 64
+
+typedef struct {
+  int         n;
+  double      begun; /* since then a kernel runs; 0: none */
+  DeviceCount count[DEVICE_COUNTS];
+} DeviceCounts;
+
 /* Bytes that have gone there and back; that are taken now, and at most so far (of the processor's memory alone) */
 typedef struct {
-  double up, down, taken, most;
+  double        up, down, taken, most;
+  DeviceCounts *counts; /* NULL: nobody asks; else each kernel is waited for */
 } DeviceTraffic;
 
 typedef struct {
@@ -104,14 +119,14 @@ typedef struct {
 /* Rows of blocks 4 x 4, each column by column (entry (k, m) at 4 m + k); rows that are equal stand once. Four numbers a
    row in vectors. */
 typedef struct {
-  int        n;
-  const int *start;   /* [n + 1] in column */
-  const int *column;  /* block columns */
-  int       *at;      /* [n] in value and single, in blocks */
-  int       *kind;    /* [n] in inverse */
-  double    *value;   /* [blocks][16] */
-  float     *single;  /* the same */
-  float     *inverse; /* [kinds][16] of the blocks on the diagonal, or what stands for them in smoothers */
+  int        n, nentry, nblock; /* rows, blocks in them, blocks that are kept */
+  const int *start;             /* [n + 1] in column */
+  const int *column;            /* block columns */
+  int       *at;                /* [n] in value and single, in blocks */
+  int       *kind;              /* [n] in inverse */
+  double    *value;             /* [blocks][16] */
+  float     *single;            /* the same */
+  float     *inverse;           /* [kinds][16] of the blocks on the diagonal, or what stands for them in smoothers */
 } DeviceRows;
 
 /* x and d of a Chebyshev iteration about the diagonal: d = c1 d + c2 D^-1 (b - A x), x_new = x + d. x NULL: from zero,

@@ -80,7 +80,7 @@ PetscErrorCode FlowListTake(Flow, FlowDeviceList, PetscReal u[], PetscReal p[], 
 #define DeviceTake(queue, n, host, p) DeviceTakeBytes(queue, (size_t)(n) * sizeof(**(p)), host, (void **)(p))
 PetscErrorCode DeviceTakeBytes(const DeviceQueue *, size_t bytes, const void *host, void **p);
 PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p);
-/* n numbers of the host into *p, memory for *capacity of them, which grows */
+/* n numbers of the host (NULL: none) into *p, memory for *capacity of them, which grows */
 #define DeviceRenew(queue, n, host, p, capacity) \
   DeviceRenewBytes(queue, (size_t)(n), sizeof(**(p)), host, (void **)(p), capacity)
 PetscErrorCode DeviceRenewBytes(const DeviceQueue *, size_t n, size_t size, const void *host, void **p,

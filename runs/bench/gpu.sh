@@ -81,6 +81,12 @@ for n in ${SPHERES:-64 128}; do
   measure "$count-spheres-$n-$device" 1 $scene -couple_method penalty -particle_groups ball -particle_ball_shape circle \
     -particle_ball_radius "$radius" -particle_ball_count "$count" -particle_ball_place lattice -particle_ball_density 1.5 -device "$device"
 done
+# the whole step by kernels: calls, MB, seconds (each kernel is waited for), GB/s
+if [ $((limit - SECONDS)) -gt 15 ]; then
+  n=$(echo "${SIZES:-64}" | awk '{ print $1 }')
+  timeout $((limit - SECONDS)) "$build/tumble" runs/bench/cavity-3d.yaml -mesh_cells "$n,$n,$n" -preset balanced -sim_dt 5e-3 -sim_steps 3 -output_dir "$out/table" \
+    -output_every 0 -device "$device" -device_table | grep "^| " | sed "1s/^/\n/" || true
+fi
 if [ -x "$build/kernels/kernels" ] && [ $((limit - SECONDS)) -gt 10 ]; then
   SIZES=64 timeout $((limit - SECONDS)) runs/bench/kernels.sh "$build/kernels" || true
 fi

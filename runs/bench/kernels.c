@@ -257,7 +257,7 @@ static void make_rows(DeviceRows *h)
     }
     start[c + 1] = m;
   }
-  *h = (DeviceRows){nc, start, column, at, kind, value, single, inverse};
+  *h = (DeviceRows){nc, start[nc], 27 * 27, start, column, at, kind, value, single, inverse};
 }
 
 static void try_rows(void)
@@ -268,6 +268,8 @@ static void try_rows(void)
 
   make_rows(&h);
   r = (DeviceRows){nc,
+                   h.start[nc],
+                   27 * 27,
                    bring(((size_t)nc + 1) * 4, h.start),
                    bring((size_t)h.start[nc] * 4, h.column),
                    bring((size_t)nc * 4, h.at),

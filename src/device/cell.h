@@ -187,6 +187,26 @@ DEV void to_slots(const int t, const DeviceCells c, const int g, double *s)
   if (h) hang_scatter(h, 3 * PAD, component(t, s));
 }
 
+/* ---- bytes ---- */
+
+/* Nodes of cells, of which n of 32 places */
+HOST double NodeBytes(const int n)
+{
+  return (double)n * G * (27 + 1) * sizeof(int);
+}
+
+/* Matrices of cells in groups, which boxes share */
+HOST double MatrixBytes(const DeviceCells *c)
+{
+  return (double)G * (c->nbox * sizeof(int) + (double)(c->ngroup - c->nbox) * 324 * sizeof(double));
+}
+
+/* Coefficients that a product reads */
+HOST double CoefficientBytes(const DeviceCells *c, const DeviceForm *f)
+{
+  return (double)DeviceCoefficients(c, f) * sizeof(double);
+}
+
 /* ---- matrices of B ---- */
 
 /* Where entry (row, k) of a lane's matrix stands: b + (row * 4 + k) * stride */

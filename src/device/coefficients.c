@@ -182,7 +182,7 @@ int NAME(set_coefficients)(const DeviceQueue *queue, const DeviceCells *cells, c
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, *form, w, nu, coefficient);
   coefficient += cells->nbox * box_size(flow, form->vary);
   LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, *form, w, nu, coefficient);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, NodeBytes(cells->ngroup) + CoefficientBytes(cells, form) + 24. * cells->nnode);
 }
 
 #ifndef __CUDACC__

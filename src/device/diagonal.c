@@ -167,10 +167,11 @@ int NAME(add_diagonal)(const DeviceQueue *queue, const DeviceCells *cells, const
 
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, *form, coefficient, d);
   LAUNCH(queue, of_others, nother, THREADS, *cells, *form, of_other, d);
-  if (!cells->hang) return LAST_ERROR();
-  LAUNCH(queue, hanging_box, cells->nbox, THREADS, *cells, 0, coefficient, d);
-  LAUNCH(queue, hanging_other, nother, THREADS, *cells, cells->nbox, of_other, d);
-  return LAST_ERROR();
+  if (cells->hang) {
+    LAUNCH(queue, hanging_box, cells->nbox, THREADS, *cells, 0, coefficient, d);
+    LAUNCH(queue, hanging_other, nother, THREADS, *cells, cells->nbox, of_other, d);
+  }
+  return EndKernel(queue, __func__, NodeBytes(cells->ngroup) + CoefficientBytes(cells, form) + 16. * cells->nnode);
 }
 
 KERNEL(256, 1)
@@ -188,5 +189,5 @@ int NAME(invert_diagonal)(const DeviceQueue *queue, int nnode, double min, const
                           double out[])
 {
   LAUNCH(queue, invert_entries, BlocksFor(3 * (Big)nnode), 256, (Big)nnode, min, mass, d, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 40. * nnode);
 }

@@ -56,7 +56,9 @@ int NAME(divergence)(const DeviceQueue *queue, const DeviceCells *cells, const D
 {
   LAUNCH(queue, divergence_boxes, cells->nbox, 4 * G, *cells, *d, alpha, u, beta, in, out);
   LAUNCH(queue, divergence_others, cells->ngroup - cells->nbox, 4 * G, *cells, *d, alpha, u, beta, in, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__,
+                   NodeBytes(cells->ngroup) + MatrixBytes(cells) + 24. * cells->nnode +
+                     (in ? 64. : 32.) * cells->ncell);
 }
 
 /* y += weight times what s has in the slots */
@@ -125,5 +127,7 @@ int NAME(add_gradient)(const DeviceQueue *queue, const DeviceCells *cells, const
 {
   LAUNCH(queue, gradient_boxes, cells->nbox, THREADS, *cells, *d, masked, alpha, weight, p, y);
   LAUNCH(queue, gradient_others, cells->ngroup - cells->nbox, THREADS, *cells, *d, masked, alpha, weight, p, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__,
+                   NodeBytes(cells->ngroup) + MatrixBytes(cells) + (weight ? 72. : 48.) * cells->nnode +
+                     32. * cells->ncell);
 }

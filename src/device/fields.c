@@ -25,7 +25,7 @@ int NAME(combine)(const DeviceQueue *queue, size_t n, int nv, const double *cons
                   const double constant[3], double out[])
 {
   LAUNCH(queue, combine_entries, BlocksFor((Big)n), 256, (Big)n, CombinationOf(nv, v, factor, constant), out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 8. * (double)n * (nv + 1));
 }
 
 KERNEL(256, 1) scale_entries(const Big n, const double *RESTRICT weight, const double *RESTRICT x, double *y)
@@ -36,7 +36,7 @@ KERNEL(256, 1) scale_entries(const Big n, const double *RESTRICT weight, const d
 int NAME(scale)(const DeviceQueue *queue, size_t n, const double weight[], const double x[], double y[])
 {
   LAUNCH(queue, scale_entries, BlocksFor((Big)n), 256, (Big)n, weight, x, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 24. * (double)n);
 }
 
 KERNEL(256, 1) scale_rows(const Big n, const double *RESTRICT weight, const double *RESTRICT x, double *y)
@@ -47,7 +47,7 @@ KERNEL(256, 1) scale_rows(const Big n, const double *RESTRICT weight, const doub
 int NAME(scale_nodes)(const DeviceQueue *queue, int nnode, const double weight[], const double x[], double y[])
 {
   LAUNCH(queue, scale_rows, BlocksFor((Big)nnode * 3), 256, (Big)nnode * 3, weight, x, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 56. * nnode);
 }
 
 DEV double magnitude(const double x)
@@ -63,7 +63,7 @@ KERNEL(256, 1) write_sizes(const Big n, const double *RESTRICT x, double *y)
 int NAME(take_sizes)(const DeviceQueue *queue, size_t n, const double x[], double y[])
 {
   LAUNCH(queue, write_sizes, BlocksFor((Big)n), 256, (Big)n, x, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 16. * (double)n);
 }
 
 KERNEL(256, 1)
@@ -83,7 +83,7 @@ add_slopes(const Big n, const double *RESTRICT place, const double f0, const dou
 int NAME(add_linear)(const DeviceQueue *queue, int ncell, const double place[], const double factor[3], double y[])
 {
   LAUNCH(queue, add_slopes, BlocksFor(ncell), 256, (Big)ncell, place, factor[0], factor[1], factor[2], y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 96. * ncell);
 }
 
 /* ---- sums ---- */
@@ -136,7 +136,7 @@ int NAME(sum_components)(const DeviceQueue *queue, int nnode, const double weigh
 {
   LAUNCH(queue, sum_nodes, BLOCKS, THREADS, (Big)nnode, weight, CombinationOf(nv, v, factor, NULL), partial);
   LAUNCH(queue, sum_blocks, 1, THREADS, partial, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, (24. * nv + (weight ? 8 : 0)) * nnode);
 }
 
 /* ---- largest ---- */
@@ -194,5 +194,5 @@ int NAME(largest)(const DeviceQueue *queue, size_t n, const double v[], const do
   LAUNCH(queue, largest_entries, BLOCKS, THREADS, (Big)n, v, weight, shift ? shift[0] : 0, shift ? shift[1] : 0,
          shift ? shift[2] : 0, partial);
   LAUNCH(queue, largest_block, 1, THREADS, partial, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, (weight ? 16. : 8.) * (double)n);
 }

@@ -16,7 +16,7 @@ typedef struct {
 DEV CellData cell_of(const DeviceCells c, const DeviceDivergence d, const int place)
 {
   const int box = place / G < c.nbox;
-  CellData      p;
+  CellData  p;
 
   p.b      = find_matrix(box, c, d, place / G, place % G);
   p.node   = c.node + (Big)place * 27;
@@ -81,7 +81,7 @@ int NAME(make_rows)(const DeviceQueue *queue, const DeviceCells *cells, const De
                     const double weight[], int n, const int row[], const int at[], const DeviceRows *rows)
 {
   LAUNCH(queue, make, n, LANES, *cells, *d, place, weight, row, at, *rows);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * (27. * 16 * 12 + 27 * 27 * 4));
 }
 
 /* Where the block on the diagonal of row i begins, in numbers */
@@ -111,7 +111,7 @@ int NAME(add_to_diagonal)(const DeviceQueue *queue, int n, const int row[], cons
                           const DeviceRows *rows)
 {
   LAUNCH(queue, add_blocks, BlocksFor(n), 256, n, row, block, *rows);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * 452.);
 }
 
 KERNEL(256, 1) narrow_numbers(const Big n, const double *RESTRICT from, float *to)
@@ -122,7 +122,7 @@ KERNEL(256, 1) narrow_numbers(const Big n, const double *RESTRICT from, float *t
 int NAME(narrow)(const DeviceQueue *queue, size_t n, const double from[], float to[])
 {
   LAUNCH(queue, narrow_numbers, BlocksFor((Big)n), 256, (Big)n, from, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 12. * (double)n);
 }
 
 /* ---- inverses ---- */
@@ -197,5 +197,5 @@ int NAME(invert_rows)(const DeviceQueue *queue, int n, const int row[], const De
   LAUNCH(queue, pick_diagonals, BlocksFor(n), 256, n, row, *rows, where, block);
   LAUNCH(queue, add_squares, BlocksFor(pairs->n), 256, *pairs, where, block);
   LAUNCH(queue, invert, BlocksFor(n), 256, n, row, block, *rows);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * 580. + pairs->n * 448.);
 }

@@ -64,5 +64,7 @@ int NAME(add_mass)(const DeviceQueue *queue, const DeviceCells *cells, const Dev
   coefficient += cells->nbox * box;
   LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, x, scale, other, (7 + flow) * G, coefficient,
          y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__,
+                   NodeBytes(cells->ngroup) + G * 8. * (cells->nbox + 27. * (cells->ngroup - cells->nbox)) +
+                     24. * (n + 2.) * cells->nnode);
 }

@@ -45,7 +45,7 @@ int NAME(speeds)(const DeviceQueue *queue, const DeviceCells *cells, const doubl
                  double out[])
 {
   LAUNCH(queue, speeds_cells, cells->ngroup, THREADS, *cells, frame[0], frame[1], frame[2], u, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, NodeBytes(cells->ngroup) + 24. * cells->nnode + 16. * cells->ncell);
 }
 
 /* Thread (i, lane): component i, whose derivatives are the rows of B of the constant pressure */
@@ -94,7 +94,8 @@ int NAME(gradients)(const DeviceQueue *queue, const DeviceCells *cells, const De
 {
   LAUNCH(queue, gradients_boxes, cells->nbox, THREADS, *cells, *d, u, out);
   LAUNCH(queue, gradients_others, cells->ngroup - cells->nbox, THREADS, *cells, *d, u, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__,
+                   NodeBytes(cells->ngroup) + MatrixBytes(cells) + 24. * cells->nnode + 32. * cells->ncell);
 }
 
 /* ---- the mass of the pressure ---- */
@@ -124,5 +125,5 @@ int NAME(add_pressure_mass)(const DeviceQueue *queue, const DeviceCells *cells, 
   const Big n = (Big)cells->ngroup * G;
 
   LAUNCH(queue, solve_masses, BlocksFor(n), 256, *cells, *d, factor, r, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 96. * cells->ncell);
 }

@@ -3,9 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-HOST void count(const DeviceQueue *queue, size_t up, size_t down)
+/* What has gone over, since BeginKernel */
+HOST void count(const DeviceQueue *queue, const char *name, size_t up, size_t down)
 {
   if (!queue->traffic) return;
+  (void)EndKernel(queue, name, (double)(up + down));
   queue->traffic->up += (double)up;
   queue->traffic->down += (double)down;
 }
@@ -28,23 +30,29 @@ int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void 
 {
   cudaError_t e;
 
-  count(queue, bytes, 0);
+  BeginKernel(queue);
   e = cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream);
-  return e ? (int)e : NAME(wait)(queue);
+  if (!e) e = cudaStreamSynchronize((cudaStream_t)queue->stream);
+  count(queue, __func__, bytes, 0);
+  return (int)e;
 }
 
 int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
 {
   cudaError_t e;
 
-  count(queue, 0, bytes);
+  BeginKernel(queue);
   e = cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream);
-  return e ? (int)e : NAME(wait)(queue);
+  if (!e) e = cudaStreamSynchronize((cudaStream_t)queue->stream);
+  count(queue, __func__, 0, bytes);
+  return (int)e;
 }
 
 int NAME(zero)(const DeviceQueue *queue, size_t bytes, void *p)
 {
-  return (int)cudaMemsetAsync(p, 0, bytes, (cudaStream_t)queue->stream);
+  BeginKernel(queue);
+  (void)cudaMemsetAsync(p, 0, bytes, (cudaStream_t)queue->stream);
+  return EndKernel(queue, __func__, (double)bytes);
 }
 
 int NAME(wait)(const DeviceQueue *queue)
@@ -94,23 +102,25 @@ int NAME(release)(const DeviceQueue *queue, void *p)
 
 int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
 {
-  count(queue, bytes, 0);
+  BeginKernel(queue);
   if (bytes) memcpy(to, host, bytes);
+  count(queue, __func__, bytes, 0);
   return 0;
 }
 
 int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
 {
-  count(queue, 0, bytes);
+  BeginKernel(queue);
   if (bytes) memcpy(host, from, bytes);
+  count(queue, __func__, 0, bytes);
   return 0;
 }
 
 int NAME(zero)(const DeviceQueue *queue, size_t bytes, void *p)
 {
-  (void)queue;
+  BeginKernel(queue);
   if (bytes) memset(p, 0, bytes);
-  return 0;
+  return EndKernel(queue, __func__, (double)bytes);
 }
 
 int NAME(wait)(const DeviceQueue *queue)

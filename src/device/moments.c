@@ -76,7 +76,7 @@ KERNEL(THREADS, 4) multiply_all(const DeviceMoments p, const double *RESTRICT x,
 int NAME(multiply_moments)(const DeviceQueue *queue, const DeviceMoments *p, const double x[], double y[])
 {
   LAUNCH(queue, multiply_all, p->ngroup, THREADS, *p, x, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, NodeBytes(p->ngroup) + (double)p->ngroup * G * (216 * 8. + 27 * 72.));
 }
 
 /* What unit vectors of slots are at the positions, where something hangs: thread t has every third slot */
@@ -120,5 +120,5 @@ KERNEL(THREADS, 2) diagonal_all(const DeviceMoments p, double *diagonal)
 int NAME(add_moments_diagonal)(const DeviceQueue *queue, const DeviceMoments *p, double d[])
 {
   LAUNCH(queue, diagonal_all, p->ngroup, THREADS, *p, d);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, NodeBytes(p->ngroup) + (double)p->ngroup * G * (27 * 8. + 27 * 16.));
 }

@@ -63,5 +63,5 @@ int NAME(multiply)(const DeviceQueue *queue, const DeviceCells *cells, const Dev
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, 0, coefficient, masked, x, y);
   coefficient += cells->nbox * box_size(flow, form->vary != 0);
   LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, cells->nbox, coefficient, masked, x, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, NodeBytes(cells->ngroup) + CoefficientBytes(cells, form) + 72. * cells->nnode);
 }

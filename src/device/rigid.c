@@ -35,7 +35,7 @@ KERNEL(256, 1) spread_rigid(const DevicePairs r, const double factor, const doub
 int NAME(add_rigid)(const DeviceQueue *queue, const DevicePairs *r, double factor, const double U[], double y[])
 {
   LAUNCH(queue, spread_rigid, BlocksFor(r->n), 256, *r, factor, U, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 88. * r->n);
 }
 
 /* s [6], THREADS apart += force and torque of entry i */
@@ -71,7 +71,7 @@ KERNEL(THREADS, 4) gather_rigid(const DevicePairs r, const double factor, const 
 int NAME(sum_rigid)(const DeviceQueue *queue, const DevicePairs *r, double factor, const double x[], double out[])
 {
   LAUNCH(queue, gather_rigid, r->nbody, THREADS, *r, factor, x, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 64. * r->n);
 }
 
 /* ---- in cells ---- */
@@ -92,7 +92,7 @@ KERNEL(256, 1) spread_blocks(const DevicePairs b, const double factor, const dou
 int NAME(add_blocks)(const DeviceQueue *queue, const DevicePairs *b, double factor, const double U[], double y[])
 {
   LAUNCH(queue, spread_blocks, BlocksFor((Big)b->n * 4), 256, *b, factor, U, y);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 264. * b->n);
 }
 
 KERNEL(THREADS, 4) gather_blocks(const DevicePairs b, const double *RESTRICT x, double *out)
@@ -117,5 +117,5 @@ KERNEL(THREADS, 4) gather_blocks(const DevicePairs b, const double *RESTRICT x, 
 int NAME(sum_blocks)(const DeviceQueue *queue, const DevicePairs *b, const double x[], double out[])
 {
   LAUNCH(queue, gather_blocks, b->nbody, THREADS, *b, x, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 232. * b->n);
 }

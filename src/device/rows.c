@@ -113,6 +113,12 @@ KERNEL(THREADS, 4) smooth_first(const DeviceRows r, const Vectors v)
   rows_block(FIRST, r, v);
 }
 
+/* Columns and entries of all rows, those that are equal once; bytes of an entry */
+HOST double row_bytes(const DeviceRows *r, double size)
+{
+  return 12. * r->n + 4. * r->nentry + 16. * size * r->nblock;
+}
+
 HOST int blocks_of(const DeviceRows *r)
 {
   return (r->n + ROWS - 1) / ROWS;
@@ -123,7 +129,7 @@ int NAME(multiply_rows)(const DeviceQueue *queue, const DeviceRows *r, const dou
   const Vectors v = {0, 0, NULL, x, NULL, y};
 
   LAUNCH(queue, multiply, blocks_of(r), THREADS, *r, v);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, row_bytes(r, 8) + 64. * r->n);
 }
 
 int NAME(residual_rows)(const DeviceQueue *queue, const DeviceRows *r, const double b[], const double x[], double y[])
@@ -131,7 +137,7 @@ int NAME(residual_rows)(const DeviceQueue *queue, const DeviceRows *r, const dou
   const Vectors v = {0, 0, b, x, NULL, y};
 
   LAUNCH(queue, residual, blocks_of(r), THREADS, *r, v);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, row_bytes(r, 4) + 96. * r->n);
 }
 
 int NAME(smooth_rows)(const DeviceQueue *queue, const DeviceRows *r, const DeviceChebyshev *c)
@@ -140,5 +146,5 @@ int NAME(smooth_rows)(const DeviceQueue *queue, const DeviceRows *r, const Devic
 
   if (c->x) LAUNCH(queue, smooth, blocks_of(r), THREADS, *r, v);
   else LAUNCH(queue, smooth_first, blocks_of(r), THREADS, *r, v);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, (c->x ? row_bytes(r, 4) + 32. * r->n : 0) + (64 + 128.) * r->n);
 }

@@ -17,7 +17,7 @@ int NAME(set_fixed)(const DeviceQueue *queue, const DeviceCells *cells, const un
   const Big n = (Big)cells->ngroup * G * 27;
 
   LAUNCH(queue, write_fixed, BlocksFor(n), 256, n, fixed, node);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 2 * NodeBytes(cells->ngroup) + cells->nnode);
 }
 
 KERNEL(256, 1) copy(const int n, const int *RESTRICT slot, const double *from, double *to)
@@ -28,7 +28,7 @@ KERNEL(256, 1) copy(const int n, const int *RESTRICT slot, const double *from, d
 int NAME(copy_slots)(const DeviceQueue *queue, int n, const int slot[], const double from[], double to[])
 {
   LAUNCH(queue, copy, BlocksFor(n), 256, n, slot, from, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 20. * n);
 }
 
 KERNEL(256, 1) set(const int n, const int *RESTRICT slot, const double *RESTRICT value, double *to)
@@ -39,7 +39,7 @@ KERNEL(256, 1) set(const int n, const int *RESTRICT slot, const double *RESTRICT
 int NAME(set_slots)(const DeviceQueue *queue, int n, const int slot[], const double value[], double to[])
 {
   LAUNCH(queue, set, BlocksFor(n), 256, n, slot, value, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 20. * n);
 }
 
 KERNEL(256, 1) fill(const int n, const int *RESTRICT slot, const double value, double *to)
@@ -50,7 +50,7 @@ KERNEL(256, 1) fill(const int n, const int *RESTRICT slot, const double value, d
 int NAME(fill_slots)(const DeviceQueue *queue, int n, const int slot[], double value, double to[])
 {
   LAUNCH(queue, fill, BlocksFor(n), 256, n, slot, value, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, 12. * n);
 }
 
 KERNEL(256, 1) pick_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT from, double *out)
@@ -61,7 +61,7 @@ KERNEL(256, 1) pick_rows(const int n, const int size, const int *RESTRICT row, c
 int NAME(pick)(const DeviceQueue *queue, int n, int size, const int row[], const double from[], double out[])
 {
   LAUNCH(queue, pick_rows, BlocksFor((Big)n * size), 256, n, size, row, from, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * (4. + 16. * size));
 }
 
 KERNEL(256, 1) put_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT value, double *to)
@@ -72,7 +72,7 @@ KERNEL(256, 1) put_rows(const int n, const int size, const int *RESTRICT row, co
 int NAME(put)(const DeviceQueue *queue, int n, int size, const int row[], const double value[], double to[])
 {
   LAUNCH(queue, put_rows, BlocksFor((Big)n * size), 256, n, size, row, value, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * (4. + 16. * size));
 }
 
 KERNEL(256, 1) add_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT value, double *to)
@@ -83,5 +83,5 @@ KERNEL(256, 1) add_rows(const int n, const int size, const int *RESTRICT row, co
 int NAME(add)(const DeviceQueue *queue, int n, int size, const int row[], const double value[], double to[])
 {
   LAUNCH(queue, add_rows, BlocksFor((Big)n * size), 256, n, size, row, value, to);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, n * (4. + 24. * size));
 }

@@ -62,5 +62,5 @@ int NAME(dot)(const DeviceQueue *queue, size_t n, const double a[], const double
 {
   LAUNCH(queue, sum_products, BLOCKS, THREADS, (Big)n, a, b, c, d, partial);
   LAUNCH(queue, sum_partial, 1, THREADS, c != NULL, partial, out);
-  return LAST_ERROR();
+  return EndKernel(queue, __func__, (c ? 32. : 16.) * (double)n);
 }

@@ -13,8 +13,8 @@ struct _p_FlowDeviceList {
   DeviceDivergence divergence;
   double          *coefficient;
   size_t           capacity;
-  double          *u_new, *u, *u_old, *w, *source, *r, *work; /* [ncell][27][3] */
-  double          *p;                                         /* [ncell][4] */
+  double          *u, *u_old, *w, *r, *source; /* [ncell][27][3]; source NULL: none so far */
+  double          *p;                          /* [ncell][4] */
   double          *out;
   PetscReal       *here; /* [largest list] */
 };
@@ -45,7 +45,7 @@ PetscErrorCode FlowListCreate(Flow f, PetscInt nnode, const PetscInt node[], Pet
   PetscCall(FlowCreateDeviceCells(f, q, ncell, cell, &s->cells));
   PetscCall(FlowCreateDeviceDivergence(f, q, &s->cells, cell, &s->divergence));
   {
-    double **const nodal[] = {&s->u_new, &s->u, &s->u_old, &s->w, &s->source, &s->r, &s->work};
+    double **const nodal[] = {&s->u, &s->u_old, &s->w, &s->r};
 
     for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(nodal); i++) PetscCall(DeviceTake(q, n * 3, NULL, nodal[i]));
   }
@@ -70,13 +70,11 @@ PetscErrorCode FlowListDestroy(Flow f, FlowDeviceList *list)
                    (void *)s->apart_there,
                    (void *)s->point_there,
                    s->coefficient,
-                   s->u_new,
                    s->u,
                    s->u_old,
                    s->w,
                    s->source,
                    s->r,
-                   s->work,
                    s->p,
                    s->out};
 
@@ -100,31 +98,38 @@ static PetscErrorCode take_rows(const DeviceQueue *q, FlowDeviceList s, PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* s->r = S u - (what is known) - B^T p of each cell */
+/* A nodal array of the flow in the listed cells */
+static PetscErrorCode pick_nodes(const DeviceQueue *q, FlowDeviceList s, const double from[], double to[])
+{
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->pick)(q, (int)(s->ncell * 27), 3, s->apart_there, from, to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* s->r = S u - (what is known) - B^T p of each cell; arrays that are done with serve again: w as work, u as u of now */
 static PetscErrorCode make_residuals(Flow f, FlowDeviceList s)
 {
   OnDevice            o     = f->device;
   const DeviceQueue  *q     = &o->queue;
   const DeviceFields *d     = &o->field;
-  const int           n     = (int)(s->ncell * 27);
-  DeviceTerms         terms = {.cells = &s->cells, .form = &o->form, .n = (size_t)n * 3};
-  const struct {
-    const double *from;
-    double       *to;
-  } field[] = {{d->u_new, s->u_new}, {d->u, s->u}, {d->u_old, s->u_old}, {o->w, s->w}, {d->source, s->source}};
+  DeviceTerms         terms = {.cells = &s->cells, .form = &o->form, .n = (size_t)s->ncell * 81};
+  double             *work  = s->w;
 
   PetscFunctionBeginUser;
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(field); i++)
-    if (field[i].from) PetscCallDevice(q, (*q->run->pick)(q, n, 3, s->apart_there, field[i].from, field[i].to));
+  PetscCall(pick_nodes(q, s, d->u, s->u));
+  PetscCall(pick_nodes(q, s, d->u_old, s->u_old));
+  PetscCall(pick_nodes(q, s, o->w, s->w));
+  if (d->source && !s->source) PetscCall(DeviceTake(q, terms.n, NULL, &s->source));
+  if (d->source) PetscCall(pick_nodes(q, s, d->source, s->source));
   PetscCallDevice(q, (*q->run->pick)(q, (int)s->ncell, 4, s->cell_there, d->p_new, s->p));
   PetscCall(DeviceSetCoefficients(o, &s->cells, s->w, &s->coefficient, &s->capacity));
   terms.coefficient = s->coefficient;
-  PetscCall(DeviceAddPast(f, &terms, s->u, s->u_old, d->source ? s->source : NULL, s->work, s->r));
-  PetscCallDevice(q, (*q->run->zero)(q, terms.n * sizeof(double), s->work));
-  PetscCallDevice(q, (*q->run->multiply)(q, &s->cells, &o->form, s->coefficient, 0, s->u_new, s->work));
-  PetscCallDevice(q, (*q->run->add_gradient)(q, &s->cells, &s->divergence, 0, -1, NULL, s->p, s->work));
-  PetscCallDevice(q,
-                  (*q->run->combine)(q, terms.n, 2, (const double *[]){s->work, s->r}, (double[]){1, -1}, NULL, s->r));
+  PetscCall(DeviceAddPast(f, &terms, s->u, s->u_old, d->source ? s->source : NULL, work, s->r));
+  PetscCall(pick_nodes(q, s, d->u_new, s->u));
+  PetscCallDevice(q, (*q->run->zero)(q, terms.n * sizeof(double), work));
+  PetscCallDevice(q, (*q->run->multiply)(q, &s->cells, &o->form, s->coefficient, 0, s->u, work));
+  PetscCallDevice(q, (*q->run->add_gradient)(q, &s->cells, &s->divergence, 0, -1, NULL, s->p, work));
+  PetscCallDevice(q, (*q->run->combine)(q, terms.n, 2, (const double *[]){work, s->r}, (double[]){1, -1}, NULL, s->r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

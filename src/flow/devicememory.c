@@ -16,7 +16,7 @@ PetscErrorCode DeviceRenewBytes(const DeviceQueue *queue, size_t n, size_t size,
   PetscFunctionBeginUser;
   if (n > *capacity || !*p) {
     PetscCall(DeviceFreeBytes(queue, p));
-    *capacity = n + n / 4;
+    *capacity = *capacity ? n + n / 4 : n; /* what never grows has what it needs */
     PetscCallDevice(queue, (*queue->run->allocate)(queue, *capacity * size, p));
   }
   if (host) PetscCallDevice(queue, (*queue->run->upload)(queue, n * size, host, *p));

@@ -151,6 +151,7 @@ PetscErrorCode OnDeviceCreate(Flow f, OnDevice *device)
   if (kind == CUDA) PetscCall(PetscDeviceInitialize(PETSC_DEVICE_CUDA));
 #endif
   o->queue.traffic = &o->traffic;
+  PetscCall(DeviceTableCreate(o));
   PetscCall(create_on_mesh(f, o));
   *device = o;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -169,6 +170,7 @@ PetscErrorCode OnDeviceDestroy(OnDevice *device)
 {
   PetscFunctionBeginUser;
   if (!*device) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DeviceTableDestroy(*device));
   PetscCall(destroy_on_mesh(*device));
   PetscCall(PetscFree(*device));
   PetscFunctionReturn(PETSC_SUCCESS);

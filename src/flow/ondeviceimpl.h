@@ -50,7 +50,8 @@ struct _p_OnDevice {
   MomentsOnDevice  moments;
   DeviceFields     field;
   RowsOnDevice     rows;
-  PetscBool        left; /* FlowLeaveDevice */
+  DeviceCounts    *counts; /* -device_table, or NULL */
+  PetscBool        left;   /* FlowLeaveDevice */
 };
 
 /* Cells with the operator of a step, all or some */
@@ -74,6 +75,9 @@ PetscErrorCode DeviceMomentsUpdate(Flow, OnDevice);
 PetscErrorCode DeviceMomentsDestroy(OnDevice);
 /* Of rows on their way (devicefetch.c). Local. */
 PetscErrorCode DeviceFetchDestroy(OnDevice);
+/* -device_table: begin to count; the table, and the end of it. Collective. */
+PetscErrorCode DeviceTableCreate(OnDevice);
+PetscErrorCode DeviceTableDestroy(OnDevice);
 /* Memory of the fields, and what belongs to the cells. Local. */
 PetscErrorCode DeviceFieldsCreate(Flow, OnDevice);
 PetscErrorCode DeviceFieldsDestroy(OnDevice);

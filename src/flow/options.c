@@ -102,9 +102,13 @@ static const OptSpec SPECS[] = {
    .choices = "auto, matrix_free, assembled"},
   {"-device", OPT_CHOICE, "", OPT_ANY, "none",
    .help =
-     "where vectors lie and products are made: cuda, on a GPU, for scenes in space without bodies on one rank; emulate: its kernels on the processor, to test them",
+     "where vectors lie and products are made: cuda, on a GPU, for scenes in space; emulate: its kernels on the processor, to test them",
    .when = FLOW, .choices = "none, emulate, cuda", .also = "gpu, accelerator", .words = "gpu cuda, cpu none",
    .find = "graphics card, nvidia"},
+  {"-device_table", OPT_BOOL, "", OPT_ANY, "false",
+   .help =
+     "at the end a table of the kernels: calls, bytes that they read and write at least, seconds (each is waited for)",
+   .when = "-device"},
   {"-flow_convection_form", OPT_CHOICE, "", OPT_ANY, "convective",
    .help =
      "w.grad u; with half of (div w) u, which keeps the energy whatever the divergence of w; or w.grad u, and what it takes of the momentum along periodic axes comes back as a uniform force in the next step",

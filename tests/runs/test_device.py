@@ -223,14 +223,31 @@ def test_no_field_crosses_with_bodies(run, tmp_path, monkeypatch):
     assert moved[0] < 2e6 and moved[1] < 4 * moved[0], moved
 
 
+def test_kernel_table(run):
+    """-device_table: each kernel with its calls, what it moves and its time; what goes over the bus is what -info says."""
+    result = run([*CAVITY, "-mesh_cells", "4,4,4", "-sim_steps", 2, "-device", DEVICE, "-device_table", "-info"])
+    assert result.status == 0, str(result)
+    rows = {name: (int(calls), float(mb), float(s)) for name, calls, mb, s in re.findall(r"\| (\w+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|", result.out)}
+    calls, mb, seconds = rows["multiply"]
+    nodes = 9**3
+    assert {"smooth_rows", "combine", "dot", "add_gradient", "upload", "download"} <= set(rows) and seconds > 0
+    assert mb * 1e6 / calls > 72 * nodes + 8 * 27 * 3 * 64  # two vectors there, one back; convection at points
+    steps = [int(a) + int(b) for a, b in re.findall(r"device: (\d+) bytes there, (\d+) back", result.out)]
+    assert (rows["upload"][1] + rows["download"][1]) * 1e6 == pytest.approx(sum(steps), rel=0.02)
+    moved = [mb for _, mb, _ in rows.values()]
+    assert moved == sorted(moved, reverse=True)
+
+
 @pytest.mark.skipif(DEVICE != "emulate", reason="a GPU has the script itself")
 def test_bench_script():
     """runs/bench/gpu.sh from its beginning to its end, small: every row has its numbers."""
     small = {"DEVICE": DEVICE, "SIZES": "4", "SPHERES": "13", "RANKS": "1", "STEPS": "3", "LIMIT": "250"}
     result = subprocess.run([ROOT / "runs" / "bench" / "gpu.sh", build_folder()], env={**os.environ, **small}, capture_output=True, text=True, timeout=300)
-    rows = [line.strip("| ").split(" | ") for line in result.stdout.splitlines() if line.startswith("| ")][2:]
+    runs, _, kernels = result.stdout.partition("| kernel")
+    rows = [line.strip("| ").split(" | ") for line in runs.splitlines() if line.startswith("| ")][2:]
     assert result.returncode == 0 and len(rows) == 6, result.stdout + result.stderr
     assert all(float(row[1]) > 0 and float(row[4]) > 0 for row in rows), rows
+    assert "| multiply |" in kernels
 
 
 def test_goes_on(run):

@@ -53,7 +53,7 @@ static void open_case(Case *c, const char options[])
   c->np    = c->l->ncell * 4;
   c->queue = (DeviceQueue){.run = DeviceGetKernels("cpu")};
   c->rows  = (DeviceRows){0};
-  OK(DeviceRowsRenew(&c->queue, c->S, &c->rows, c->room));
+  OK(DeviceRowsRenew(&c->queue, c->S, PETSC_FALSE, &c->rows, c->room));
   OK(DeviceTransferCreate(&c->queue, c->transfer, c->l->ncell, &c->vertices));
 }
 

@@ -92,7 +92,7 @@ static PetscErrorCode grow(struct _p_PressureDevice *d, PetscInt kept, PetscInt 
 {
   const DeviceQueue *q    = d->queue;
   DeviceRows        *r    = &d->cycle.rows;
-  const size_t       room = (size_t)(used + used / 8) * 16, n = (size_t)kept * 16;
+  const size_t       room = (size_t)(used + used / 16) * 16, n = (size_t)kept * 16;
   double            *value;
 
   PetscFunctionBeginUser;
@@ -127,6 +127,7 @@ static PetscErrorCode take_own(Pressure p, RowsMade *m)
     list_fresh(m, c);
   }
   PetscCall(grow(p->device, before, m->used));
+  p->device->cycle.rows.nblock = (int)m->used;
   PetscCall(DeviceRenewInts(p->device->queue, n, p->list.cell, &m->row, &m->capacity[0]));
   PetscCall(DeviceRenewInts(p->device->queue, n, at, &m->at, &m->capacity[1]));
   PetscCall(PetscFree(at));

@@ -25,15 +25,20 @@ static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values in double precision, also where the rows have single precision only */
-static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, double **to, size_t *room)
+/* Values in both precisions, the double one also where the rows have single precision only, in room for some more */
+static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, PetscInt spare, DeviceRows *r,
+                                  size_t room[2])
 {
-  PetscReal *value;
+  const size_t n = (size_t)v->nblock * 16, all = n + (size_t)spare * 16;
+  PetscReal   *value;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(v->nblock * 16, &value));
-  for (PetscInt e = 0; e < v->nblock * 16; e++) value[e] = v->exact ? v->exact[e] : (PetscReal)v->single[e];
-  PetscCall(DeviceRenew(queue, v->nblock * 16, value, to, room));
+  PetscCall(PetscMalloc1(n, &value));
+  for (size_t e = 0; e < n; e++) value[e] = v->exact ? v->exact[e] : (PetscReal)v->single[e];
+  PetscCall(DeviceRenew(queue, all, NULL, &r->value, &room[0]));
+  PetscCall(DeviceRenew(queue, all, NULL, &r->single, &room[1]));
+  PetscCallDevice(queue, (*queue->run->upload)(queue, n * sizeof(*value), value, r->value));
+  PetscCallDevice(queue, (*queue->run->upload)(queue, n * sizeof(float), v->single, r->single));
   PetscCall(PetscFree(value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -57,7 +62,7 @@ static PetscErrorCode take_kinds(const DeviceQueue *queue, const struct _p_RowsV
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeviceRowsRenew(const DeviceQueue *queue, Mat shell, DeviceRows *r, size_t room[])
+PetscErrorCode DeviceRowsRenew(const DeviceQueue *queue, Mat shell, PetscBool grows, DeviceRows *r, size_t room[])
 {
   struct _p_RowsView v;
 
@@ -66,12 +71,12 @@ PetscErrorCode DeviceRowsRenew(const DeviceQueue *queue, Mat shell, DeviceRows *
   PetscCheck(v.nk == 4, PETSC_COMM_SELF, PETSC_ERR_SUP, "Rows of the pressure on a device are for meshes in space");
   if (!r->start) {
     PetscCall(PetscArrayzero(room, 5));
-    *r = (DeviceRows){.n = (int)v.n};
+    *r = (DeviceRows){.n = (int)v.n, .nentry = (int)v.start[v.n]};
     PetscCall(DeviceTakeInts(queue, v.n + 1, v.start, &r->start));
     PetscCall(DeviceTakeInts(queue, v.start[v.n], v.column, &r->column));
   }
-  PetscCall(take_values(queue, &v, &r->value, &room[0]));
-  PetscCall(DeviceRenew(queue, v.nblock * 16, v.single, &r->single, &room[1]));
+  r->nblock = (int)v.nblock;
+  PetscCall(take_values(queue, &v, grows ? v.nblock / 3 : 0, r, room));
   PetscCall(take_kinds(queue, &v, r, &room[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

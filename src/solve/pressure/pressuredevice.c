@@ -143,7 +143,7 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &p->device_stale, 1, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
   if (!p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
   if (!PressureMakesRowsOnDevice(p))
-    PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, &d->cycle.rows, d->room));
+    PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, (PetscBool)(p->nbodies > 0), &d->cycle.rows, d->room));
   if (!d->cycle.ranks.ctx && (!d->cycle.level || p->device_changed > KEEP * (PetscReal)p->loc->ncell)) {
     PetscCall(clear_vertices(d));
     PetscCall(take_vertices(p, d));
