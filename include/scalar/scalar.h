@@ -206,7 +206,7 @@ PetscErrorCode ScalarsIntegrateBasis(Scalars, PetscInt c, PetscReal sum[]);
 PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
 /* Has boundary b a value, a flux or a transfer coefficient? */
 PetscBool ScalarsIsOpen(Scalars, PetscInt s, PetscInt b);
-/* The step is taken. Local. */
+/* The step is taken. Collective. */
 PetscErrorCode ScalarsAccept(Scalars);
 
 /* Preconditioners that were kept, and which solvers have failed, are forgotten: what follows depends on the fields

@@ -85,6 +85,7 @@ typedef struct {
   PetscReal       *gain;          /* [n] rates by which scalars make this one, in its source; NULL: none does */
   ScalarCondition *condition;     /* [nboundary] */
   PetscReal       *T, *T_old, *x; /* [nnode_all] */
+  PetscReal *excess; /* [nnode_all] by how much T is above its bounds, or below them (negative); NULL: it is not */
   /* of the step: */
   PetscInt         *owner; /* [nnode_all] boundary that prescribes a node's value, nboundary: ScalarNodes does; -1 */
   PetscReal        *fixed; /* [nnode_all] that value */
@@ -242,6 +243,8 @@ PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *, const 
    of its bounds, solve again. Collective. */
 PetscErrorCode ScalarLimit(Scalars, Scalar *, PetscBool again, PetscBool *more);
 PetscErrorCode ScalarLimitForget(Scalar *);
+/* The step is taken: how far its values are out of their bounds. Collective. */
+PetscErrorCode ScalarLimitAccept(Scalars, Scalar *);
 
 /* limitcell.c: node at lattice point j of cell c, -1: none is */
 PetscInt ScalarLimitNode(const MeshLocal *, PetscInt c, PetscInt j);

@@ -9,6 +9,9 @@
    extrema too, and nothing is limited where they are small. Limits go by the solution: by the extrapolated one at
    first, then by what was solved for, until that stays within its bounds.
 
+   Bounds go by the values that the step began with; one that was out of its own counts as at them, or what is tolerated
+   in a step adds up (an inlet whose jump lies on a node: 1.4 % in five steps, .6 % so). Not where nodes are shifted.
+
    Not beside bodies, where gradients may jump, unless values leave their bounds; not with a mean gradient, under which
    extrema arise. */
 #include "compat.h"
@@ -233,6 +236,12 @@ static void add_sources(Scalars all, const Scalar *s, PetscInt c, const PetscRea
           x[j], bottom, top);
 }
 
+/* Value that the step began with, where it was out of its bounds these: what is tolerated in a step does not add up */
+static PetscReal get_value(const Scalar *s, PetscInt i)
+{
+  return s->T[i] - (s->excess ? s->excess[i] : 0);
+}
+
 /* Of the values of a cell: those that the step began with, or is given; without time those of now */
 static void add_bounds(Scalars all, const Scalar *s, PetscInt c, const PetscInt node[], PetscReal x[],
                        PetscReal bound[][2])
@@ -240,7 +249,7 @@ static void add_bounds(Scalars all, const Scalar *s, PetscInt c, const PetscInt 
   PetscReal top = -PETSC_MAX_REAL, bottom = PETSC_MAX_REAL;
 
   for (PetscInt j = 0; j < all->loc->nb; j++) {
-    if (node[j] >= 0 && s->owner[node[j]] < 0 && all->step.ct > 0) x[j] = s->T[node[j]];
+    if (node[j] >= 0 && s->owner[node[j]] < 0 && all->step.ct > 0) x[j] = get_value(s, node[j]);
     top    = PetscMax(top, x[j]);
     bottom = PetscMin(bottom, x[j]);
   }
@@ -305,7 +314,7 @@ static PetscErrorCode find_bounds(Scalars all, Scalar *s)
   if (s->limit.bound && all->step.ct > 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (!s->limit.bound) PetscCall(PetscMalloc1(l->nnode_all, &s->limit.bound));
   for (PetscInt i = 0; i < l->nnode_all; i++)
-    s->limit.bound[i][0] = s->limit.bound[i][1] = all->step.ct > 0 ? s->T[i] : s->x[i];
+    s->limit.bound[i][0] = s->limit.bound[i][1] = all->step.ct > 0 ? get_value(s, i) : s->x[i];
   for (PetscInt k = 0; k < s->limit.nnear; k++) {
     const PetscInt c = s->limit.near[k];
     PetscInt       node[MESH_MAX_NB];
@@ -316,6 +325,27 @@ static PetscErrorCode find_bounds(Scalars all, Scalar *s)
     for (PetscInt j = 0; j < l->nb; j++) node[j] = ScalarLimitNode(l, c, j);
     add_bounds(all, s, c, node, x, s->limit.bound);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarLimitAccept(Scalars all, Scalar *s)
+{
+  const MeshLocal *l = all->loc;
+
+  PetscFunctionBeginUser;
+  if (!s->limit.part || all->step.ct == 0 || all->shift) {
+    PetscCall(PetscFree(s->excess));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (!s->excess) PetscCall(PetscMalloc1(l->nnode_all, &s->excess));
+  PetscCall(PetscArrayzero(s->excess, l->nnode_all));
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    for (PetscInt j = 0; j < l->nb && s->limit.part[c] > 0; j++) {
+      const PetscInt i = l->cell_node[c * l->nb + j];
+
+      s->excess[i] = s->x[i] - PetscClipInterval(s->x[i], s->limit.bound[i][0], s->limit.bound[i][1]);
+    }
+  PetscCall(MeshSyncNodes(all->mesh, 1, s->excess));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

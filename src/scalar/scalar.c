@@ -105,6 +105,7 @@ static PetscErrorCode destroy_arrays(Scalar *s)
   PetscFunctionBeginUser;
   PetscCall(PetscFree(s->T));
   PetscCall(PetscFree(s->T_old));
+  PetscCall(PetscFree(s->excess));
   PetscCall(PetscFree(s->x));
   PetscCall(PetscFree4(s->fixed, s->rhs, s->owner, s->seen));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -119,6 +120,9 @@ PetscErrorCode ScalarsRemesh(Scalars all, Mesh old)
     PetscCall(create_arrays(all, s));
     PetscCall(MeshCarryNodes(old, all->mesh, 1, was.T, s->T));
     PetscCall(MeshCarryNodes(old, all->mesh, 1, was.T_old, s->T_old));
+    s->excess = NULL;
+    if (was.excess) PetscCall(PetscCalloc1(all->loc->nnode_all, &s->excess));
+    if (was.excess) PetscCall(MeshCarryNodes(old, all->mesh, 1, was.excess, s->excess));
     PetscCall(destroy_arrays(&was));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -258,6 +262,7 @@ PetscErrorCode ScalarsAccept(Scalars all)
     Scalar    *s    = all->scalar + i;
     PetscReal *swap = s->T_old;
 
+    PetscCall(ScalarLimitAccept(all, s));
     s->T_old = s->T;
     s->T     = swap;
     PetscCall(PetscArraycpy(s->T, s->x, all->loc->nnode_all));
@@ -281,6 +286,11 @@ PetscErrorCode ScalarsVisitState(void *scalars, State state)
     PetscCall(StateNodes(state, name, 1, s->T));
     PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s_old", s->name));
     PetscCall(StateNodes(state, name, 1, s->T_old));
+    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s_excess", s->name));
+    has = (PetscBool)(s->excess != NULL);
+    if (StateIsLoading(state)) PetscCall(StateHas(state, name, &has));
+    if (has && !s->excess) PetscCall(PetscMalloc1(all->loc->nnode_all, &s->excess));
+    if (has) PetscCall(StateNodes(state, name, 1, s->excess));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -127,11 +127,23 @@ static void test_bounds(void **state)
   Found       f;
   Case        c;
 
+  static const char *const AT[]      = {".25", ".375", ".5"};
+  static const char *const CORNERS[] = {".3,.3,.8,.8", "0,.4,.4,.9"};
+
   (void)state;
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &ranks));
   expect_bounds(2, 0, across, ranks > 1 ? 4 : 24, 0.025, BOX);
   expect_bounds(2, 0, across, ranks > 1 ? 3 : 20, 0.025, TREE);
   if (ranks > 1) return;
+  for (PetscInt k = 0; k < 6; k++) { /* jumps on a node, cells of two sizes: 1.3 to 1.5 % while excesses added up */
+    char inlet[256];
+
+    snprintf(inlet, sizeof(inlet),
+             "-mesh_cells 8,8 -mesh_upper 1,1 -mesh_levels 1 -mesh_refine box -mesh_box_box_corners %s "
+             "-scalar_s_bc_left_value .5+.5*sign(y-%s) -scalar_s_bc_bottom_value 0",
+             CORNERS[k / 3], AT[k % 3]);
+    expect_bounds(2, 0, across, 12, 0.025, inlet);
+  }
   expect_bounds(2, 0, steeply, 24, 0.025, BOX);
   expect_bounds(2, 0, across, 1, 0, BOX);
   expect_bounds(2, 0, across, 24, 0.025, COOLED);
