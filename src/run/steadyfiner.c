@@ -51,8 +51,18 @@ static PetscErrorCode find_residual(Steady s, const FlowFinerResult *finer, Vec 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From x to what is a solution beside what was found; start: residual of that system at the run's solution, which has
-   none. *size: of the first of them, by which all are measured. */
+/* start: of that residual at the solution what its own has not: what Newton's method left there counts. */
+static PetscErrorCode find_start(Steady s, Vec start)
+{
+  PetscFunctionBeginUser;
+  PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
+  PetscCall(set_up_last(s));
+  PetscCall(find_residual(s, NULL, s->x, start));
+  PetscCall(VecAXPY(start, -1, s->f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x to what is a solution beside what was found. *size: of the first residual, by which all are measured. */
 static PetscErrorCode solve_beside(Steady s, const FlowFinerResult *finer, Vec start, Vec x, PetscReal *size,
                                    PetscBool *ok)
 {
@@ -102,8 +112,7 @@ PetscErrorCode SteadyFiner(Steady s, PetscErrorCode (*look)(void *, const FlowFi
   PetscCall(VecDuplicate(s->x, &x));
   PetscCall(VecCopy(s->x, x));
   PetscCall(VecDuplicate(s->x, &start));
-  PetscCall(set_up_last(s));
-  PetscCall(find_residual(s, NULL, x, start));
+  PetscCall(find_start(s, start));
   PetscCall(FlowSolverIsDirect(s->solver, &direct));
   for (PetscInt i = 0; i < (direct ? STEADY_SWEEPS : STEADY_SWEEPS - 1) && *ok; i++) {
     PetscCall(FlowFinerFind(finer, u, p, &result));
