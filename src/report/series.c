@@ -161,7 +161,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"flow_force_<x|y|z>", "force/volume", 12,
    "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
   {"driving_error", "", 12,
-   "with -flow_force, -flow_rate or -couple_backflow: what bodies, walls and what accelerates lack of the uniform force on the whole domain, relative; negative: they take more"},
+   "with -flow_force, -flow_rate or -couple_backflow: what bodies, walls and what accelerates lack of the uniform force on the whole domain, relative; negative: they take more. What convection moves across openings counts as taken, and so does what it takes in a closed domain, the error of too coarse cells, of which a remark tells"},
   {"backflow_error", "", 12,
    "with -couple_backflow flux: mean velocity along gravity over its root mean square; force: what accelerates all, over the weights"},
   {"bodies_velocity_<x|y|z>", "length/time", 12,
