@@ -144,7 +144,7 @@ static PetscErrorCode create_ale(Elastic *e, Couple c)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
   PetscCall(mark_rigid(c, body));
-  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->surfaces, e->labels.cell_solid, body, &e->ale));
+  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->labels.cell_solid, body, &e->ale));
   PetscCall(PetscFree(body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

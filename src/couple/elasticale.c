@@ -6,9 +6,7 @@
 #include "fem/gauss.h"
 #include <petscksp.h>
 
-#define NEAR  0.3 /* of the smallest cell: edges at a solid */
-#define POWER 1.5
-#define ROW   20 /* vertices that share a cell with one, and more where levels jump */
+#define ROW 20 /* vertices that share a cell with one, and more where levels jump */
 
 static const PetscInt CORNER[4] = {0, 2, 6, 8};
 
@@ -130,52 +128,104 @@ static const PetscReal (*corners_of(const MeshLocal *l, PetscInt c))[8]
   return h ? h->corner : THEMSELVES;
 }
 
-/* w (d_p - d_q)^2/2 of the edge between corners p and q of local cell c */
-static PetscErrorCode add_edge(ElasticAle f, PetscInt c, PetscInt p, PetscInt q, const PetscReal distance[])
+/* int grad phi_p . grad phi_q and int phi of the bilinear functions of a cell with corners x */
+static void bilinear(const PetscReal x[4][2], PetscReal K[4][4], PetscReal *area)
+{
+  const PetscReal at = 0.5 * (1 - 1 / PetscSqrtReal(3));
+
+  *area = 0;
+  for (PetscInt e = 0; e < 16; e++) K[e / 4][e % 4] = 0;
+  for (PetscInt q = 0; q < 4; q++) {
+    const PetscReal r = q % 2 ? 1 - at : at, t = q / 2 ? 1 - at : at;
+    const PetscReal d[4][2] = {{t - 1, r - 1}, {1 - t, -r}, {-t, 1 - r}, {t, r}};
+    PetscReal       J[4]    = {0}, inv[4], g[4][2], det;
+
+    for (PetscInt v = 0; v < 16; v++) J[v % 4] += x[v / 4][v % 4 / 2] * d[v / 4][v % 2];
+    det = DenseInvertMap(2, J, inv);
+    for (PetscInt v = 0; v < 8; v++) g[v / 2][v % 2] = d[v / 2][0] * inv[v % 2] + d[v / 2][1] * inv[2 + v % 2];
+    for (PetscInt e = 0; e < 16; e++)
+      K[e / 4][e % 4] += 0.25 * det * (g[e / 4][0] * g[e % 4][0] + g[e / 4][1] * g[e % 4][1]);
+    *area += 0.25 * det;
+  }
+}
+
+/* Laplace's operator on the mesh as it is, and the area around vertices */
+static PetscErrorCode add_cell(ElasticAle f, PetscInt c, Mat laplace, Vec area)
 {
   const MeshLocal *l          = f->loc;
   const PetscReal(*corner)[8] = corners_of(l, c);
-  const PetscReal *from[2]    = {corner[p], corner[q]};
-  PetscReal        w, far[2] = {0, 0};
-  PetscInt         node[4];
+  PetscReal xc[18], x[4][2], K[4][4], mine[16] = {0}, part[4] = {0}, size;
+  PetscInt  row[4];
 
   PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   for (PetscInt v = 0; v < 4; v++) {
-    node[v] = l->cell_node[c * l->nb + CORNER[v]];
-    for (PetscInt i = 0; i < 2; i++) far[i] += from[i][v] * distance[node[v]];
+    PetscCall(PetscArraycpy(x[v], xc + 2 * CORNER[v], 2));
+    row[v] = f->vertex[l->cell_node[c * l->nb + CORNER[v]]];
   }
-  w = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (far[0] + far[1])), POWER);
+  bilinear(x, K, &size);
   for (PetscInt e = 0; e < 16; e++) {
-    const PetscInt  i = node[e / 4], j = node[e % 4];
-    const PetscReal a = w * (from[0][e / 4] - from[1][e / 4]) * (from[0][e % 4] - from[1][e % 4]);
-
-    if (a == 0 || f->kind[i]) continue;
-    PetscCall(MatSetValue(f->kind[j] ? f->fixed : f->L, f->vertex[i], f->vertex[j], f->kind[j] ? -a : a, ADD_VALUES));
+    part[e % 4] += 0.25 * size * corner[e / 4][e % 4];
+    for (PetscInt k = 0; k < 16; k++) mine[k] += K[e / 4][e % 4] * corner[e / 4][k / 4] * corner[e % 4][k % 4];
   }
+  PetscCall(MatSetValues(laplace, 4, row, 4, row, mine, ADD_VALUES));
+  PetscCall(VecSetValues(area, 4, row, part, ADD_VALUES));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Weights of the edges of own cells; those on the boundary of the rank's cells come from the neighbour, too */
-static PetscErrorCode assemble(ElasticAle f, const PetscReal distance[], PetscInt nown)
+/* Vertices of this rank that do not follow */
+static PetscErrorCode list_fixed(const struct _p_ElasticAle *f, PetscInt *n, PetscInt **row)
 {
-  static const PetscInt EDGE[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
-  const MeshLocal      *l          = f->loc;
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(PetscMalloc1(f->loc->nnode, row));
+  for (PetscInt i = 0; i < f->loc->nnode; i++)
+    if (f->vertex[i] >= 0 && f->kind[i]) (*row)[(*n)++] = f->vertex[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rows of laplace over the root of the areas; without those of vertices that stay, where the displacement may bend */
+static PetscErrorCode scale_rows(const struct _p_ElasticAle *f, Mat laplace, Vec area)
+{
+  PetscReal *s;
+  PetscInt   first;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 2; i++) {
-    Mat *A = i ? &f->fixed : &f->L;
+  PetscCall(VecSqrtAbs(area));
+  PetscCall(VecReciprocal(area));
+  PetscCall(VecGetOwnershipRange(area, &first, NULL));
+  PetscCall(VecGetArray(area, &s));
+  for (PetscInt i = 0; i < f->loc->nnode; i++)
+    if (f->vertex[i] >= 0 && f->kind[i] == 2) s[f->vertex[i] - first] = 0;
+  PetscCall(VecRestoreArray(area, &s));
+  PetscCall(MatDiagonalScale(laplace, area, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
-    PetscCall(MatCreateAIJ(f->comm, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, ROW, NULL, ROW, NULL, A));
-    PetscCall(MatSetOption(*A, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
-  }
-  for (PetscInt e = 0; e < 4 * l->ncell; e++) PetscCall(add_edge(f, e / 4, EDGE[e % 4][0], EDGE[e % 4][1], distance));
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (f->vertex[i] >= 0 && f->kind[i]) PetscCall(MatSetValue(f->L, f->vertex[i], f->vertex[i], 1, ADD_VALUES));
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(MatAssemblyBegin(i ? f->fixed : f->L, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(i ? f->fixed : f->L, MAT_FINAL_ASSEMBLY));
-  }
-  PetscCall(MatCreateVecs(f->L, &f->x, &f->b));
+/* Derivatives of the sum of the squares */
+static PetscErrorCode assemble(ElasticAle f, PetscInt nown)
+{
+  Mat       laplace;
+  PetscInt *row, n;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateAIJ(f->comm, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, ROW, NULL, ROW, NULL, &laplace));
+  PetscCall(MatSetOption(laplace, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatCreateVecs(laplace, &f->x, &f->b));
+  for (PetscInt c = 0; c < f->loc->ncell; c++) PetscCall(add_cell(f, c, laplace, f->b));
+  PetscCall(MatAssemblyBegin(laplace, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(laplace, MAT_FINAL_ASSEMBLY));
+  PetscCall(VecAssemblyBegin(f->b));
+  PetscCall(VecAssemblyEnd(f->b));
+  PetscCall(scale_rows(f, laplace, f->b));
+  PetscCall(MatTransposeMatMult(laplace, laplace, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &f->L));
+  PetscCall(MatDestroy(&laplace));
+  PetscCall(MatDuplicate(f->L, MAT_COPY_VALUES, &f->fixed));
+  PetscCall(MatScale(f->fixed, -1));
+  PetscCall(list_fixed(f, &n, &row));
+  PetscCall(MatZeroRows(f->fixed, n, row, 0, NULL, NULL));
+  PetscCall(MatZeroRowsColumns(f->L, n, row, 1, NULL, NULL));
+  PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -214,24 +264,6 @@ static PetscErrorCode mark_fixed(ElasticAle f, const PetscInt node_body[])
   }
   for (PetscInt i = 0; i < f->loc->nnode_all; i++)
     if (!f->kind[i] && node_body[i] >= 0) f->kind[i] = 2;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode find_distances(ElasticAle f, ElasticSurfaces surfaces, PetscReal distance[])
-{
-  const AlignSurfaces *table = ElasticSurfacesGet(surfaces);
-
-  PetscFunctionBeginUser;
-  PetscCall(ElasticSurfacesSet(surfaces, f->s->X));
-  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
-    distance[i] = PETSC_MAX_REAL;
-    for (PetscInt k = 0; k < f->s->n && f->vertex[i] >= 0; k++) {
-      PetscReal d;
-
-      PetscCall((*table->distance)(table->ctx, k, table->centre[k], 1, f->loc->x + 2 * i, &d));
-      distance[i] = PetscMin(distance[i], PetscMax(0, d));
-    }
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -312,11 +344,10 @@ static PetscErrorCode place_middles(ElasticAle f)
 
 /* ---- public ---- */
 
-PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticSurfaces surfaces,
-                                const PetscInt cell_solid[], const PetscInt node_body[], ElasticAle *ale)
+PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState *s, const PetscInt cell_solid[],
+                                const PetscInt node_body[], ElasticAle *ale)
 {
   ElasticAle f;
-  PetscReal *distance;
   PetscInt   n, nown;
 
   PetscFunctionBeginUser;
@@ -330,7 +361,6 @@ PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState 
   n = f->loc->nnode_all;
   PetscCall(PetscCalloc5(2 * n, &f->start, 2 * n, &f->d, 2 * n, &f->now, 2 * n, &f->old, 2 * n, &f->velocity));
   PetscCall(PetscCalloc3(n, &f->all, n, &f->kind, n, &f->vertex));
-  PetscCall(PetscMalloc1(n, &distance));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
   PetscCall(PetscArraycpy(f->start, f->loc->x, 2 * n));
   PetscCall(PetscArraycpy(f->now, f->loc->x, 2 * n));
@@ -338,10 +368,8 @@ PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState 
   PetscCall(list_material(f, cell_solid));
   PetscCall(mark_fixed(f, node_body));
   PetscCall(MeshNumberVertices(f->mesh, f->vertex, &nown));
-  PetscCall(find_distances(f, surfaces, distance));
-  PetscCall(assemble(f, distance, nown));
+  PetscCall(assemble(f, nown));
   PetscCall(create_solver(f));
-  PetscCall(PetscFree(distance));
   *ale = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
