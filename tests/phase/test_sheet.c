@@ -45,6 +45,7 @@ static PetscErrorCode make(PetscInt m, const Ellipsoid of[], const PetscReal per
     const PetscBool turned = (PetscBool)((side % 2 == 1) == (of[k].sign > 0));
 
     if (e % size != rank) continue;
+    face[n].wall = 0; /* of the interface */
     face[n].drop = (PetscReal)k;
     for (PetscInt q = 0; q < 9; q++) {
       const PetscInt s = turned ? q % 3 : q / 3, t = turned ? q / 3 : q % 3;
