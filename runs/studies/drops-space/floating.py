@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Depth of a sphere that floats at an interface without walls, exact: floating.py ANGLE DENSITY [VOLUME] (deg; of the sphere; of the water).
 
-Other numbers are those of runs/sphere-at-interface.yaml. With the contact line at an angle alpha from the lowest point of the sphere the
+Other numbers are those of the study (README.md). With the contact line at an angle alpha from the lowest point of the sphere the
 interface leaves it with a slope psi = alpha + theta - pi and follows dpsi/ds + sin(psi)/r = (rho_1 - rho_2) g y/sigma outwards, where it
 becomes level (y: above the place without a jump of pressure). alpha is where weight, pressure and the pull 2 pi r sigma sin(psi) balance.
 In a box as wide as AREA says the level follows from the volume of the water: what the interface holds above it is that pull over
