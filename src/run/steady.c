@@ -256,6 +256,7 @@ static PetscErrorCode destroy_solvers(Steady s)
   PetscCall(VecDestroy(&s->f));
   PetscCall(VecDestroy(&s->y));
   PetscCall(VecDestroy(&s->at));
+  s->newton = NULL; /* the flow's, of its mesh */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
