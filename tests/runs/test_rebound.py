@@ -51,7 +51,7 @@ WAYS = {
     "cn": (["-flow_time", "cn"], 0.65),
     "fstheta": (["-flow_time", "fstheta"], 0.5),
     "explicit": (["-couple_type", "explicit"], 0.5),
-    "nodal": (["-couple_method", "nodal"], 0.25),  # .257 to .309, by where it starts
+    "nodal": (["-couple_method", "nodal"], 0.3),
     "aligned": (["-couple_method", "aligned"], 0.8),
     "adaptive": (["-sim_adapt", "true", "-sim_time", 0.2], 0.65),  # arrives later
 }
