@@ -53,8 +53,9 @@ PetscErrorCode CoupleSetDrops(Couple, Drops);
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 /* At the start of a run, with the bodies where they begin and the flow as it begins: the fluid inside bodies that move
    freely takes their velocity, but for those that were given the fluid's. Nothing with a method that has no fluid
-   inside. Collective. */
-PetscErrorCode CoupleStartInside(Couple);
+   inside, or with nodal, where a remark says so unless the flow will be solved for with the bodies held at their
+   velocities. Collective. */
+PetscErrorCode CoupleStartInside(Couple, PetscBool solved);
 /* Does the mesh line up with surfaces (method aligned)? Local. */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
 /* A film in space that is as wide as a cell or narrower resists like one that is wider by this offset, in cells, with

@@ -130,6 +130,9 @@ static inline PetscBool CoupleCountsFirst(Couple c)
   return (PetscBool)(rank == 0);
 }
 
+/* rigid.c: the reference point of body k for the place and orientation that the system has of it */
+PetscErrorCode CoupleSetReferencePoint(Couple, PetscInt k);
+
 /* ---- below: inertia.c ---- */
 
 /* The time at which the rows of bodies hold */

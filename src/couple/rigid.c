@@ -13,11 +13,21 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 
 /* ---- geometry ---- */
 
+PetscErrorCode CoupleSetReferencePoint(Couple c, PetscInt k)
+{
+  PetscReal arm[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetArm(c->bodies, k, c->rigid.q[k], arm));
+  for (PetscInt a = 0; a < 3; a++) c->rigid.P[k][a] = c->rigid.X[k][a] - arm[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
    bodies are the same under both couplings. */
 static PetscErrorCode predict_bodies(Couple c, void *data)
 {
-  PetscReal angle, arm[3];
+  PetscReal angle;
 
   PetscFunctionBeginUser;
   (void)data;
@@ -25,8 +35,7 @@ static PetscErrorCode predict_bodies(Couple c, void *data)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(
       BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, c->rigid.X[k], c->rigid.q[k], &angle));
-    PetscCall(BodiesGetArm(c->bodies, k, c->rigid.q[k], arm));
-    for (PetscInt a = 0; a < 3; a++) c->rigid.P[k][a] = c->rigid.X[k][a] - arm[a];
+    PetscCall(CoupleSetReferencePoint(c, k));
   }
   PetscCall(IndicatorIsCurrent(c->indicator, c->rigid.X, c->rigid.q, c->step->ct,
                                &c->method.current)); /* the strength of a penalty goes by c_t */

@@ -23,13 +23,21 @@ static PetscBool begins_as_fluid(Couple c, PetscInt k, PetscBool still)
 {
   const BodyGroup *g = BodiesGetGroup(c->s, k);
 
-  for (PetscInt i = 0; i < c->nr && still; i++) {
-    PetscReal now, old;
-
-    CoupleGetHistory(c, k, i, &now, &old);
-    still = (PetscBool)(now == 0);
-  }
+  for (PetscInt i = 0; i < c->nr && still; i++) still = (PetscBool)(c->rigid.U[k * c->nr + i] == 0);
   return (PetscBool)(still || !g->free || g->with_fluid || c->s->removed[k]);
+}
+
+/* Place and velocities of body k as it begins, as the rows of a step have them */
+static PetscErrorCode set_body(Couple c, PetscInt k)
+{
+  PetscReal old;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(c->rigid.X[k], c->s->x[k], 3));
+  PetscCall(PetscArraycpy(c->rigid.q[k], c->s->q[k], 4));
+  PetscCall(CoupleSetReferencePoint(c, k));
+  for (PetscInt i = 0; i < c->nr; i++) CoupleGetHistory(c, k, i, &c->rigid.U[k * c->nr + i], &old);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* u [nnode_all][dim] += that of one part of a cell at its own nodes, by before, the velocity of the fluid */
@@ -38,38 +46,31 @@ static PetscErrorCode take_part(Couple c, CutCells cells, const CutCell *cut, co
 {
   const MeshLocal *l  = c->loc;
   const PetscInt   nb = l->nb, dim = l->dim, *node = l->cell_node + cut->cell * nb;
-  PetscReal        part[MESH_MAX_NB * MESH_MAX_NB];
+  PetscReal        part[MESH_MAX_NB * MESH_MAX_NB], r[3] = {0, 0, 0}, v[3];
 
   PetscFunctionBeginUser;
   PetscCall(CutCellsGetMatrix(cells, cut, 1, part));
   for (PetscInt j = 0; j < nb; j++) {
     const PetscInt i        = node[j];
-    PetscReal      fraction = 0, R[18];
+    PetscReal      fraction = 0;
 
     if (i >= l->nnode) continue;
     for (PetscInt m = 0; m < nb; m++) fraction += part[j * nb + m] / mass[i];
-    ConstraintRigidAt(l, i, cut->P, R);
-    for (PetscInt a = 0; a < dim; a++) {
-      PetscReal change = -before[i * dim + a], now, old;
-
-      for (PetscInt m = 0; m < c->nr; m++) {
-        CoupleGetHistory(c, cut->body, m, &now, &old);
-        change += R[a * c->nr + m] * now;
-      }
-      u[i * dim + a] += fraction * change;
-    }
+    for (PetscInt a = 0; a < dim; a++) r[a] = MeshNearest(l, a, l->x[i * dim + a] - cut->P[a]);
+    RigidVelocityAt(dim, c->rigid.U + cut->body * c->nr, r, v);
+    for (PetscInt a = 0; a < dim; a++) u[i * dim + a] += fraction * (v[a] - before[i * dim + a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleStartInside(Couple c)
+PetscErrorCode CoupleStartInside(Couple c, PetscBool solved)
 {
   const MeshLocal *l   = c->loc;
   PetscBool        any = PETSC_FALSE, still = PETSC_TRUE, *omit;
   CutCells         cells;
   const CutCell   *cut;
   const PetscReal *mass;
-  PetscReal       *before, *u, arm[3];
+  PetscReal       *before, *u;
   PetscInt         n;
 
   PetscFunctionBeginUser;
@@ -79,19 +80,17 @@ PetscErrorCode CoupleStartInside(Couple c)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &still, 1, MPIU_BOOL, MPI_LAND, c->comm));
   PetscCall(PetscMalloc1(c->s->n, &omit));
   for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(set_body(c, k));
     omit[k] = begins_as_fluid(c, k, still);
     any     = (PetscBool)(any || !omit[k]);
-    PetscCall(PetscArraycpy(c->rigid.X[k], c->s->x[k], 3));
-    PetscCall(PetscArraycpy(c->rigid.q[k], c->s->q[k], 4));
-    PetscCall(BodiesGetArm(c->bodies, k, c->s->q[k], arm));
-    for (PetscInt a = 0; a < 3; a++) c->rigid.P[k][a] = c->s->x[k][a] - arm[a];
   }
   PetscCall(BodiesAny(c->bodies, &any));
-  if (any && c->method.table == &method_nodal)
-    PetscCall(
-      LogRemark("-couple_method nodal: free bodies begin with their own velocity as far as they are heavier than the "
-                "fluid, else with the fluid's in their place: use penalty or aligned where the start matters"));
-  else if (any) {
+  if (any && c->method.table == &method_nodal) {
+    if (!solved)
+      PetscCall(
+        LogRemark("-couple_method nodal: free bodies begin with their own velocity as far as they are heavier than the "
+                  "fluid, else with the fluid's in their place: use penalty or aligned where the start matters"));
+  } else if (any) {
     PetscCall(FlowGetLumpedMass(c->flow, &mass));
     PetscCall(PetscMalloc1(l->nnode_all * l->dim, &u));
     PetscCall(PetscArraycpy(u, before, l->nnode_all * l->dim));

@@ -104,11 +104,18 @@ static PetscErrorCode project(const SimComponents *p)
   PetscReal         *now, speed = 0;
   PetscInt           its;
   KSPConvergedReason reason;
+  BodyState         *s;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(p->mesh, &l));
+  PetscCall(BodiesGetState(p->bodies, &s));
   PetscCall(FlowGetFields(p->flow, &now, NULL, NULL));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(now[i]));
+  for (PetscInt i = 0; i < 3 * s->n; i++) {
+    const PetscReal turns = PetscAbsReal(s->w[i / 3][i % 3]) * BodiesGetRadius(s, i / 3);
+
+    speed = PetscMax(speed, PetscMax(PetscAbsReal(s->u[i / 3][i % 3]), turns));
+  }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, p->comm));
   if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
@@ -159,7 +166,7 @@ PetscErrorCode StartSolve(const SimComponents *p)
   PetscCall(FlowGetInitial(p->flow, &kind, NULL));
   projected = (PetscBool)(kind == FLOW_START_EXPRESSION || kind == FLOW_START_RUN);
   PetscCall(know_bodies(p));
-  if (kind != FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple));
+  if (kind != FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple, projected));
   if (projected || kind == FLOW_START_STEADY) {
     PetscCall(BodiesSetFixed(p->bodies, PETSC_TRUE));
     if (projected) PetscCall(project(p));
@@ -168,6 +175,6 @@ PetscErrorCode StartSolve(const SimComponents *p)
     PetscCall(BodiesSetTime(p->bodies, 0));
     PetscCall(CoupleRenewSolver(p->couple)); /* as a restart would: all depends on the fields alone */
   }
-  if (kind == FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple));
+  if (kind == FLOW_START_STEADY) PetscCall(CoupleStartInside(p->couple, PETSC_FALSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

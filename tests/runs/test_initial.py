@@ -71,6 +71,10 @@ sim: {dt: 0.001, steps: 1}
         assert "free bodies begin" not in result.text
         assert [disc["u"] - 2 * bool(more), disc["v"]] == pytest.approx([-0.5, 0], abs=0.015), f"{method} {more}"
         assert 0.41 < disc["omega_z"] < 0.5
+    solved = ["-flow_initial", "expression", "-flow_velocity", "0,0"]  # made to fit the disc, which keeps what it was given
+    for method, most in (("aligned", 1e-3), ("nodal", 1e-3), ("penalty", 0.04)):
+        result = run([scene(text), "-couple_method", method, *solved, "-output_overwrite"])
+        assert rows(result, "bodies.csv")[0]["u"] == pytest.approx(-1, rel=most) and "free bodies begin" not in result.text
 
 
 def test_expression_does_not_kick(run, scene):
