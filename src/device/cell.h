@@ -233,6 +233,34 @@ BOTH Big other_size(const int flow)
   return (Big)27 * (7 + flow) * G;
 }
 
+/* ---- kernels of constant forms ---- */
+
+/* M(name, box, convection, skew, vary) for each form */
+#define EACH_FORM(M) \
+  M(box_plain, 1, 0, 0, 0) \
+  M(box_convection, 1, 1, 0, 0) \
+  M(box_skew, 1, 1, 1, 0) \
+  M(box_vary, 1, 0, 0, 1) \
+  M(box_vary_convection, 1, 1, 0, 1) \
+  M(box_vary_skew, 1, 1, 1, 1) \
+  M(other_plain, 0, 0, 0, 0) \
+  M(other_convection, 0, 1, 0, 0) \
+  M(other_skew, 0, 1, 1, 0)
+/* Kernels of EACH_FORM in the order of find_form; other cells have `vary` in their coefficients */
+#define FORMS_OF_BOXES \
+  { \
+    box_plain, box_convection, box_skew, box_vary, box_vary_convection, box_vary_skew \
+  }
+#define FORMS_OF_OTHERS \
+  { \
+    other_plain, other_convection, other_skew \
+  }
+
+HOST int find_form(const DeviceForm *f, const int vary)
+{
+  return (f->convection != 0) * (1 + (f->skew != 0)) + 3 * (vary != 0);
+}
+
 /* v [27] at positions <- the operator times v for one component; c: coefficients of the lane, G apart */
 DEV void multiply_cell(const int box, const int convection, const int skew, const int vary, const double *RESTRICT c,
                        double *v)

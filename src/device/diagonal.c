@@ -143,27 +143,17 @@ KERNEL(THREADS, 2) of_others(const DeviceCells c, const DeviceForm f, const doub
   { \
     hanging_group(box, convection, skew, vary, c, first, k, d); \
   }
-HANGING(box_plain, 1, 0, 0, 0)
-HANGING(box_convection, 1, 1, 0, 0)
-HANGING(box_skew, 1, 1, 1, 0)
-HANGING(box_vary, 1, 0, 0, 1)
-HANGING(box_vary_convection, 1, 1, 0, 1)
-HANGING(box_vary_skew, 1, 1, 1, 1)
-HANGING(other_plain, 0, 0, 0, 0)
-HANGING(other_convection, 0, 1, 0, 0)
-HANGING(other_skew, 0, 1, 1, 0)
+EACH_FORM(HANGING)
 
 typedef void (*Hanging)(const DeviceCells, const int, const double *, double *);
 
 int NAME(add_diagonal)(const DeviceQueue *queue, const DeviceCells *cells, const DeviceForm *form,
                        const double coefficient[], double d[])
 {
-  static const Hanging box[]   = {box_plain, box_convection, box_skew, box_vary, box_vary_convection, box_vary_skew},
-                       other[] = {other_plain, other_convection, other_skew};
-  const int     nother = cells->ngroup - cells->nbox, skew = form->skew != 0, flows = form->convection != 0;
-  const double *of_other      = coefficient + cells->nbox * box_size(NFLOW(flows, skew), form->vary);
-  const Hanging hanging_box   = box[flows * (1 + skew) + 3 * (form->vary != 0)],
-                hanging_other = other[flows * (1 + skew)];
+  static const Hanging box[] = FORMS_OF_BOXES, other[] = FORMS_OF_OTHERS;
+  const int            nother = cells->ngroup - cells->nbox, flow = NFLOW(form->convection, form->skew != 0);
+  const double        *of_other    = coefficient + cells->nbox * box_size(flow, form->vary);
+  const Hanging        hanging_box = box[find_form(form, form->vary)], hanging_other = other[find_form(form, 0)];
 
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, *form, coefficient, d);
   LAUNCH(queue, of_others, nother, THREADS, *cells, *form, of_other, d);

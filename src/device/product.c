@@ -39,26 +39,16 @@ DEV void multiply_group(const int box, const int convection, const int skew, con
   { \
     multiply_group(box, convection, skew, vary, c, first, k, masked, x, y); \
   }
-MULTIPLY(box_plain, 1, 0, 0, 0)
-MULTIPLY(box_convection, 1, 1, 0, 0)
-MULTIPLY(box_skew, 1, 1, 1, 0)
-MULTIPLY(box_vary, 1, 0, 0, 1)
-MULTIPLY(box_vary_convection, 1, 1, 0, 1)
-MULTIPLY(box_vary_skew, 1, 1, 1, 1)
-MULTIPLY(other_plain, 0, 0, 0, 0)
-MULTIPLY(other_convection, 0, 1, 0, 0)
-MULTIPLY(other_skew, 0, 1, 1, 0)
+EACH_FORM(MULTIPLY)
 
 typedef void (*Multiply)(const DeviceCells, const int, const double *, const int, const double *, double *);
 
 int NAME(multiply)(const DeviceQueue *queue, const DeviceCells *cells, const DeviceForm *form,
                    const double coefficient[], int masked, const double x[], double y[])
 {
-  static const Multiply box[]   = {box_plain, box_convection, box_skew, box_vary, box_vary_convection, box_vary_skew},
-                        other[] = {other_plain, other_convection, other_skew};
-  const int      skew = form->convection && form->skew != 0, flow = NFLOW(form->convection, skew);
-  const Multiply of_boxes  = box[(form->convection != 0) + skew + 3 * (form->vary != 0)],
-                 of_others = other[(form->convection != 0) + skew];
+  static const Multiply box[] = FORMS_OF_BOXES, other[] = FORMS_OF_OTHERS;
+  const int             skew = form->convection && form->skew != 0, flow = NFLOW(form->convection, skew);
+  const Multiply        of_boxes = box[find_form(form, form->vary)], of_others = other[find_form(form, 0)];
 
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, 0, coefficient, masked, x, y);
   coefficient += cells->nbox * box_size(flow, form->vary != 0);
