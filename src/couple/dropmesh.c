@@ -119,30 +119,35 @@ static PetscErrorCode check_sides(CoupleDrops *f, Couple c)
 {
   const MeshLocal *l    = c->loc;
   const PetscInt  *wets = PhaseSurfacesGet(f->surfaces)->ends_on;
-  PetscInt         at   = 0; /* 1 + side, 8 times, and group */
+  PetscInt         at   = 0, side; /* 1 + side, 8 times, and group */
+  PetscBool        any  = PETSC_FALSE;
+  const char      *name;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 6 * l->nnode; i++) {
+  for (PetscInt g = 0; g < f->s->ngroups; g++) any = (PetscBool)(any || f->s->group[g].region);
+  for (PetscInt i = 0; i < 6 * l->nnode && any; i++) {
     const PetscReal *x = l->x_start + 3 * (i / 6), edge = i % 2 ? l->upper[i % 6 / 2] : l->lower[i % 6 / 2];
     PetscInt         group;
     PetscReal        d;
 
     if (x[i % 6 / 2] != edge || (l->period[i % 6 / 2] == 0 && wets && *wets >> i % 6 & 1)) continue;
     PetscCall(DropsStartDistance(f->drops, 1, x, &d));
+    if (d >= 0) continue;
     PetscCall(DropsStartNearest(f->drops, x, &group));
-    if (d < 0 && f->s->group[group].region) at = PetscMax(at, 8 * group + 1 + i % 6);
+    if (f->s->group[group].region) at = PetscMax(at, 8 * group + 1 + i % 6);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
   if (!at) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(l->period[(at - 1) % 8 / 2] == 0, c->comm, PETSC_ERR_SUP,
+  side = (at - 1) % 8;
+  name = f->s->group[(at - 1) / 8].name;
+  PetscCheck(l->period[side / 2] == 0, c->comm, PETSC_ERR_SUP,
              "-particle_%s_region reaches over a period of the mesh, which drops given by a region cannot yet: remove -mesh_periodic, or keep "
              "the region inside",
-             f->s->group[(at - 1) / 8].name);
+             name);
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
           "The fluid '%s' reaches the side %c = %g of the domain, which it does not wet: keep it a cell away from there, or give "
           "-particle_%s_contact_angle, and that side -flow_bc_<boundary>_type slip",
-          f->s->group[(at - 1) / 8].name, "xyz"[(at - 1) % 8 / 2],
-          (double)((at - 1) % 2 ? l->upper : l->lower)[(at - 1) % 8 / 2], f -> s -> group[(at - 1) / 8].name);
+          name, "xyz"[side / 2], (double)(side % 2 ? l->upper : l->lower)[side / 2], name);
 }
 
 /* In the plane the curve of the start; in space there is none, and PhaseSurfaces asks the shapes */
