@@ -123,11 +123,20 @@ PetscErrorCode ScalarGrowthFreed(const ScalarGrowth *g, Couple c, Scalars scalar
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does the size of some body go by scalar i? */
+static PetscBool counts(const ScalarGrowth *g, Couple c, PetscInt i)
+{
+  for (PetscInt k = 0; k < c->s->ngroups; k++)
+    if (g->material[k * g->n + i].dissolves != 0) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 PetscErrorCode ScalarGrowthMeasure(ScalarGrowth *g, Couple c, Scalars scalars, PetscInt i, const ScalarHeat *heat)
 {
   PetscFunctionBeginUser;
   if (!g->n) PetscFunctionReturn(PETSC_SUCCESS);
   if (i == 0) PetscCall(PetscArrayzero(g->rate, c->s->n));
+  if (!counts(g, c, i)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(g->flux, c->s->n));
   PetscCall(ScalarsMeasureBodies(scalars, i, g->flux));
   PetscCall(BodiesSumLocal(c->bodies, 1, g->flux));
