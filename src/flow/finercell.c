@@ -158,6 +158,7 @@ static void set_metric(const FinerCell *cell, Points *o)
 
     for (PetscInt i = 0; i < dim * dim; i++) J[i] = cell->h * slope[i / dim][i % dim][q];
     o->w[q] = t->weight[q] * DenseInvertMap(dim, J, o->inverse[q]);
+    if (o->w[q] < 0) o->w[q] = 0; /* beside a flat corner the cell has no volume */
   }
 }
 
