@@ -15,19 +15,15 @@
 #define FIRST 10  /* beyond the first ones */
 #define WORSE 0.5 /* of the cells that were remarked: it is remarked again */
 
-enum {
-  PENALTY,
-  ALIGNED,
-  NODAL,
-  NMETHODS
-};
 static const char *const METHODS[] = {"penalty", "aligned", "nodal"};
 
 /* Cells in the layer. Mean Nusselt number of a disc at a value, held in a stream at Re 10, per cent off: Pe 100 with
    .59, 1.2, 2.4, 4.7 cells penalty 4.1, .8, .2, .04, aligned .4, .02, .001, nodal -21, -7, -5, -2.3; Pe 1000 with .27,
    .54, 1.1, 2.2 penalty 31, 4.5, .8, .2, aligned 16, 1, .06, .002, nodal -27, -13, -10, -5; Pe 10 with 1.3, 2.5, 5
    penalty .7, .2, .05, nodal -11, -4, -2 (runs/studies/scalars/notes.md) */
-static const PetscReal CELLS[NMETHODS][PROMISE_NPRESETS] = {{0.6, 1.2, 2.5}, {0.4, 0.6, 0.9}, {2.5, 12, 60}};
+static const PetscReal CELLS[SCALAR_LAYER_NMETHODS][PROMISE_NPRESETS] = {{0.6, 1.2, 2.5},
+                                                                         {0.4, 0.6, 0.9},
+                                                                         {2.5, 12, 60}};
 
 /* Way of a step over D/U, of bodies that move through cells: nodes that they cover and free. A disc that moves at Re 10
    through fluid at rest, penalty: 6, 3, 1.6, .8 are 10, 3.5, 1.2 % beside none, likewise nodal (1.4 % from 3 to 1.6);
@@ -45,14 +41,14 @@ struct _p_ScalarLayers {
   const CoupleScalar *scalar;
 };
 
-static PetscErrorCode find_method(PetscInt *method)
+PetscErrorCode ScalarLayersFindMethod(PetscInt *method)
 {
   char text[32];
 
   PetscFunctionBeginUser;
-  *method = PENALTY;
+  *method = SCALAR_LAYER_PENALTY;
   PetscCall(OptPeek("-couple_method", text, sizeof(text)));
-  for (PetscInt m = 0; m < NMETHODS; m++)
+  for (PetscInt m = 0; m < SCALAR_LAYER_NMETHODS; m++)
     if (!strcasecmp(text, METHODS[m])) *method = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -64,7 +60,7 @@ static PetscBool is_too_thin(const ScalarLayer *layer, PetscInt method, PetscInt
 
 static PetscBool goes_too_far(const ScalarLayer *layer, PetscInt method, PetscInt preset)
 {
-  return (PetscBool)(method != ALIGNED && layer->way > WAY[preset]);
+  return (PetscBool)(method != SCALAR_LAYER_ALIGNED && layer->way > WAY[preset]);
 }
 
 /* "the layer of scalar 'heat' around ... is 0.45 cells thick and needs 1.2. Refine the mesh (...)" */
@@ -74,8 +70,10 @@ static PetscErrorCode describe(const char scalar[], const char group[], const Sc
   const char *other = "";
 
   PetscFunctionBeginUser;
-  if (method != ALIGNED && !is_too_thin(layer, ALIGNED, preset)) other = ", or use -couple_method aligned";
-  else if (method == NODAL && !is_too_thin(layer, PENALTY, preset)) other = ", or use -couple_method penalty";
+  if (method != SCALAR_LAYER_ALIGNED && !is_too_thin(layer, SCALAR_LAYER_ALIGNED, preset))
+    other = ", or use -couple_method aligned";
+  else if (method == SCALAR_LAYER_NODAL && !is_too_thin(layer, SCALAR_LAYER_PENALTY, preset))
+    other = ", or use -couple_method penalty";
   if (is_too_thin(layer, method, preset))
     PetscCall(
       PetscSNPrintf(text, len,
@@ -189,7 +187,7 @@ PetscErrorCode ScalarLayersCheck(const MeshLocal *l, Bodies bodies, PetscInt pre
   PetscCall(OptPeek("-scalars", list, sizeof(list)));
   if (!bodies || !list[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetState(bodies, &s));
-  PetscCall(find_method(&method));
+  PetscCall(ScalarLayersFindMethod(&method));
   for (word = strtok_r(list, ", []", &rest); word; word = strtok_r(NULL, ", []", &rest))
     for (PetscInt g = 0; g < s->ngroups && !text[0]; g++) {
       ScalarLayer layer;
@@ -244,7 +242,7 @@ PetscErrorCode ScalarLayersCreate(const SimComponents *p, ScalarLayers *layers)
   s->couple  = p->couple;
   s->monitor = p->monitor;
   s->s       = state;
-  PetscCall(find_method(&s->method));
+  PetscCall(ScalarLayersFindMethod(&s->method));
   PetscCall(OptPeek("-preset", text, sizeof(text)));
   s->preset = PromiseFind(text);
   n         = s->n * state->ngroups;

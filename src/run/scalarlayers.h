@@ -10,6 +10,16 @@
 #include "promise.h"
 #include "sim.h"
 
+/* Boundary methods, what cells in a layer are asked for by */
+enum {
+  SCALAR_LAYER_PENALTY,
+  SCALAR_LAYER_ALIGNED,
+  SCALAR_LAYER_NODAL,
+  SCALAR_LAYER_NMETHODS
+};
+/* By the options. Local. */
+PetscErrorCode ScalarLayersFindMethod(PetscInt *method);
+
 /* Before there is a flow: refusal [len], unless that says something, or a remark (asked: the preset was asked for).
    Collective. */
 PetscErrorCode ScalarLayersCheck(const MeshLocal *, Bodies, PetscInt preset, PetscBool asked, const PromiseScene *,

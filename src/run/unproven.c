@@ -5,14 +5,16 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "promise.h"
+#include "scalarlayers.h"
 #include "scalar/scalar.h"
 #include <string.h>
 #include <strings.h>
 
 /* Cells that the layer of heat needs. Nusselt number of a cavity (Pr .71), cells in the layer, per cent off: Ra 1e4 .37
-   -1.1, .55 -.08, .73 -.03; Ra 1e5 .21 -15, .31 -4.2, .41 -1.1, .62 -.13, .83 -.04; Ra 1e6 .23 -11, .35 -2.9, .46 -.67
-   (runs/studies/scalars/notes.md) */
-static const PetscReal LAYER[PROMISE_NPRESETS] = {0.35, 0.5, 0.65};
+   -1.1, .55 -.08, .73 -.03; Ra 1e5 .21 -15, .31 -4.2, .41 -1.1, .62 -.13, .83 -.04; Ra 1e6 .23 -11, .35 -2.9, .46 -.67.
+   Of a disc at a value in a cavity, aligned: Ra 1e6 .35 -1.2, .46 -.6, .70 -.06; penalty: Ra 1e5 .62 -4.1, .83 -2.1,
+   1.2 -.9, 2.5 -.3; Ra 1e6 .46 -4.6, .70 -3.4, 1.4 -1.3 (runs/studies/scalars/notes.md). Without bodies as aligned. */
+static const PetscReal LAYER[SCALAR_LAYER_NMETHODS][PROMISE_NPRESETS] = {{0.6, 2, 5}, {0.35, 0.5, 0.65}, {2.5, 12, 60}};
 
 #define BETWEEN ", []" /* names of a list, as files and arguments have them */
 
@@ -59,25 +61,36 @@ static PetscErrorCode list_unknown(const char known[], char text[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Largest difference of values at boundaries; 0 where there are less than two, or one that is an expression, and where
-   the flow has an inflow or anything else at a boundary */
+/* Is an option the value of a scalar at a boundary, or of a body? */
+static PetscBool gives_value(const char option[], const char scalar[])
+{
+  char         start[OPT_NAME], end[OPT_NAME];
+  const size_t length = strlen(option);
+
+  (void)snprintf(start, sizeof(start), "-scalar_%s_bc_", scalar);
+  (void)snprintf(end, sizeof(end), "_%s_value", scalar);
+  if (!strncasecmp(option, start, strlen(start)))
+    return (PetscBool)(length > strlen(start) + 6 && !strcasecmp(option + length - 6, "_value"));
+  return (PetscBool)(!strncasecmp(option, "-particle_", 10) && length > 10 + strlen(end) &&
+                     !strcasecmp(option + length - strlen(end), end));
+}
+
+/* Largest difference of values at boundaries and of bodies; 0 where there are less than two, or one that is an
+   expression, and where the flow has an inflow or anything else at a boundary */
 static PetscErrorCode find_difference(const char scalar[], PetscReal *difference)
 {
-  const char after[] = "_value", flow[] = "-flow_bc_";
-  char      *all, *line, *rest, start[OPT_NAME];
+  const char flow[] = "-flow_bc_";
+  char      *all, *line, *rest;
   PetscReal  low = PETSC_MAX_REAL, high = -PETSC_MAX_REAL, value;
   PetscBool  known = PETSC_TRUE;
   PetscInt   n;
 
   PetscFunctionBeginUser;
   PetscCall(OptGetAll(&all));
-  PetscCall(PetscSNPrintf(start, sizeof(start), "-scalar_%s_bc_", scalar));
   for (line = strtok_r(all, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
     line[strcspn(line, " ")] = 0;
     if (!strncasecmp(line, flow, strlen(flow))) known = PETSC_FALSE;
-    if (strncasecmp(line, start, strlen(start)) != 0 || strlen(line) < strlen(start) + strlen(after) ||
-        strcasecmp(line + strlen(line) - strlen(after), after) != 0)
-      continue;
+    if (!gives_value(line, scalar)) continue;
     PetscCall(OptPeekReals(line, 1, &value, &n));
     if (n != 1) known = PETSC_FALSE;
     low  = PetscMin(low, value);
@@ -118,28 +131,43 @@ static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Are all particles rigid bodies that stand still at a value of the scalar? */
+static PetscErrorCode stand_at_value(Bodies bodies, const char scalar[], PetscBool *all)
+{
+  char list[1024], name[OPT_NAME], text[64], *word, *rest;
+
+  PetscFunctionBeginUser;
+  *all = PETSC_TRUE;
+  if (bodies) PetscCall(BodiesAreStill(bodies, all));
+  PetscCall(OptPeek("-particle_groups", list, sizeof(list)));
+  for (word = strtok_r(list, BETWEEN, &rest); word; word = strtok_r(NULL, BETWEEN, &rest)) {
+    PetscCall(OptPeek(OptJoin("-particle_", word, "_material", name), text, sizeof(text)));
+    if (text[0] && strcasecmp(text, "rigid") != 0) *all = PETSC_FALSE;
+    (void)snprintf(name, sizeof(name), "-particle_%s_%s_condition", word, scalar);
+    PetscCall(OptPeek(name, text, sizeof(text)));
+    if (strcasecmp(text, "value") != 0) *all = PETSC_FALSE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* cells: of the thinnest layer, which is that of scalar [len] */
 static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscReal *cells, char scalar[], size_t len)
 {
-  BodyState *s;
-  char       list[1024], groups[64], kind[64], *word, *rest;
-  PetscReal  gravity[3], layer;
-  PetscInt   n;
+  char      list[1024], kind[64], *word, *rest;
+  PetscReal gravity[3], layer;
+  PetscBool all;
+  PetscInt  n;
 
   PetscFunctionBeginUser;
   *cells    = PETSC_MAX_REAL;
   scalar[0] = 0;
-  if (bodies) {
-    PetscCall(BodiesGetState(bodies, &s));
-    if (s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  }
   PetscCall(OptPeek("-scalars", list, sizeof(list)));
-  PetscCall(OptPeek("-particle_groups", groups, sizeof(groups)));
   PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
   PetscCall(OptPeekReals("-flow_gravity", 3, gravity, &n));
-  if (l->hang || n < l->dim || groups[0] || (kind[0] && strcasecmp(kind, "box") != 0))
-    PetscFunctionReturn(PETSC_SUCCESS);
+  if (l->hang || n < l->dim || (kind[0] && strcasecmp(kind, "box") != 0)) PetscFunctionReturn(PETSC_SUCCESS);
   for (word = strtok_r(list, BETWEEN, &rest); word; word = strtok_r(NULL, BETWEEN, &rest)) {
+    PetscCall(stand_at_value(bodies, word, &all));
+    if (!all) continue;
     PetscCall(measure_scalar(l, word, gravity, &layer));
     if (layer / l->h >= *cells) continue;
     *cells = layer / l->h;
@@ -151,19 +179,25 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscReal
 PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscBool asked, char refusal[],
                              size_t len)
 {
-  char      scalar[64], unknown[512], text[512], less[64] = "";
-  PetscReal cells;
+  char        scalar[64], unknown[512], text[512], less[64] = "";
+  PetscInt    method = SCALAR_LAYER_ALIGNED;
+  const char *other  = "";
+  BodyState  *s      = NULL;
+  PetscReal   cells;
 
   PetscFunctionBeginUser;
   PetscCall(measure_layer(l, bodies, &cells, scalar, sizeof(scalar)));
-  if (cells < LAYER[preset]) {
+  if (bodies) PetscCall(BodiesGetState(bodies, &s));
+  if (s && s->nall) PetscCall(ScalarLayersFindMethod(&method));
+  if (cells < LAYER[method][preset]) {
     for (PetscInt p = 0; p < preset; p++)
-      if (cells >= LAYER[p])
+      if (cells >= LAYER[method][p])
         PetscCall(PetscSNPrintf(less, sizeof(less), ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PromiseText(p)));
+    if (cells >= LAYER[SCALAR_LAYER_ALIGNED][preset]) other = ", or use -couple_method aligned";
     PetscCall(PetscSNPrintf(text, sizeof(text),
                             "the boundary layer of scalar '%s', which drives the flow, is %.2f cells thick and needs "
-                            "%.2g. Refine the mesh (-mesh_cells)%s",
-                            scalar, (double)cells, (double)LAYER[preset], less));
+                            "%.2g. Refine the mesh (-mesh_cells)%s%s",
+                            scalar, (double)cells, (double)LAYER[method][preset], less, other));
     PetscCall(PromiseSay(preset, asked, text, refusal, len));
   }
   if (!asked) PetscFunctionReturn(PETSC_SUCCESS);

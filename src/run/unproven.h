@@ -1,9 +1,10 @@
 /* Unproven: what presets know of scalars, and what of materials they do not.
 
    Promises (promise.h) are of the flow and of rigid bodies. Of elastic particles and drops nothing is known. Of scalars
-   one thing is: the boundary layer of heat that drives the flow in a closed box without bodies, H/Ra^(1/4) (Gill 1966),
-   H the height along gravity, Ra = g expansion difference H^3/(kinematic viscosity diffusivity) with the largest
-   difference of values at boundaries; where the Prandtl number is below 1, that of the flow, H/(Ra/Pr)^(1/4). */
+   one thing is: the boundary layer of heat that drives the flow in a closed box, without bodies or with bodies held at
+   a value, H/Ra^(1/4) (Gill 1966), H the height along gravity, Ra = g expansion difference H^3/(kinematic viscosity
+   diffusivity) with the largest difference of values at boundaries and of bodies; where the Prandtl number is below 1,
+   that of the flow, H/(Ra/Pr)^(1/4). */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"

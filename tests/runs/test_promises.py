@@ -239,6 +239,19 @@ def test_heat_that_drives_the_flow_needs_cells_in_its_layer(run, scene):
         assert not kept.status and "scalar 'heat'" not in kept.text and "nothing of" not in kept.text, kept.text
 
 
+def test_heat_of_a_held_body_that_drives_the_flow_needs_cells_in_its_layer(run):
+    """Hot disc in a cold square (runs/studies/scalars/notes.md): Ra 1e6, 12, 24 cells: 1.2, .06 % off lined up; 24 cells: 3.4 % with the penalty"""
+    hot = [ROOT / "runs/cylinder-in-cavity.yaml", "-flow_viscosity", "8.42614977e-4", "-scalar_heat_conductivity", "1.186781658e-3", "-scene_dry_run"]
+    for preset, cells, needs in ("balanced", "16,16", "0.46 cells thick and needs 0.5"), ("accurate", "20,20", "needs 0.65"):
+        refused = run([*hot, "-preset", preset, "-mesh_cells", cells])
+        assert refused.status and "the boundary layer of scalar 'heat', which drives the flow" in refused.text and needs in refused.text, refused.text
+    refused = run([*hot, "-preset", "fast", "-mesh_cells", "16,16", "-couple_method", "penalty"])
+    assert refused.status and "use -couple_method aligned" in refused.text, refused.text
+    for preset, cells in ("fast", "16,16"), ("balanced", "18,18"), ("accurate", "24,24"):
+        kept = run([*hot, "-preset", preset, "-mesh_cells", cells])
+        assert not kept.status and "scalar 'heat'" not in kept.text and "nothing of" not in kept.text, kept.text
+
+
 def test_a_preset_says_what_it_knows_nothing_of(run, scene):
     """Heat that a stream carries: no promise, and no remark where nobody asked for one."""
     name = scene(HEAT.replace("expansion: 1, ", ""), "carried.yaml")

@@ -69,8 +69,8 @@ class Squirmer:
         ut_theta = np.array([(self.D @ (self.r * p) / self.r)[0] for p in phi]) @ self.W
         p_theta = curl - reynolds * ut[0] * ut_theta
         shear = ut_r - ut[0]
-        # int p cos sin dtheta = -1/2 int p_theta sin^2 dtheta
-        return 2 * np.pi * np.sum(self.weight * (-0.5 * p_theta * self.sine + 2 * ur_r * self.x - shear * self.sine)), shear * ut[0]
+        # -int p cos sin dtheta = 1/2 int p_theta sin^2 dtheta
+        return 2 * np.pi * np.sum(self.weight * (0.5 * p_theta * self.sine + 2 * ur_r * self.x - shear * self.sine)), shear * ut[0]
 
     def equations(self, slips):
         """Of phi, vorticity w and the speed, without inertia: L phi = w, L w = 0; no force. At the surface phi is 0 and u_theta the slip, outside
