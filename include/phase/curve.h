@@ -53,3 +53,9 @@ PetscErrorCode PhaseCurveShift(PhaseCurve *, PetscInt drop, PetscReal way);
 /* meet.c. Where the curve is inside what is solid, and so far before it, it is drawn anew, such that it meets the
    surface at the contact angle. */
 PetscErrorCode PhaseCurveMeet(PhaseCurve *, const PhaseSolid *);
+
+/* retrace.c. *now: the curve drawn anew, by itself, where a lattice of lines `step` apart, one of them through origin,
+   cuts it: edges of about that length, their nodes on it. In place of drops its edges have the numbers of connected
+   components, from 0. Of a curve without walls. */
+PetscErrorCode PhaseCurveRetrace(const PhaseCurve *, const PetscReal origin[2], PetscReal step, PhaseCurve *now,
+                                 PetscInt *ncomponent);

@@ -9,6 +9,13 @@
 #define CAPILLARY 10
 #define VISCOUS   5 /* (mu_1 + mu_2) h/sigma */
 
+/* Is local node i of a cell of a drop at the interface? */
+static PetscBool is_at(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt i)
+{
+  if (f->regular) return (PetscBool)(f->fraction[cell] > 0 && f->fraction[cell] < 1);
+  return DropsIsInterface(l, f->cell_drop, i);
+}
+
 /* Largest speed of the interface: at nodes between phases, now or `more` of the last change later. Local. */
 static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, PetscReal more, const PetscReal u[],
                             const PetscReal u_old[])
@@ -19,7 +26,7 @@ static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, PetscReal 
     const PetscInt i         = l->cell_node[e];
     PetscReal      square[2] = {0, 0};
 
-    if (f->cell_drop[e / l->nb] < 0 || !DropsIsInterface(l, f->cell_drop, i)) continue;
+    if (f->cell_drop[e / l->nb] < 0 || !is_at(f, l, e / l->nb, i)) continue;
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscReal v = u[l->dim * i + a];
 

@@ -121,7 +121,7 @@ PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* f->outside [ncell_all]: the part of a cell that is in no body */
+/* f->fraction [ncell_all]: the part of a cell that is in no body */
 static PetscErrorCode find_outside(CoupleDrops *f, Couple c)
 {
   CutCells         cells;
@@ -131,14 +131,14 @@ static PetscErrorCode find_outside(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(c->flow, &size));
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->outside[e] = 1;
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->fraction[e] = 1;
   PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
   PetscCall(CutCellsGet(cells, &n, &cut));
   for (PetscInt t = 0; t < n; t++) {
     const PetscReal part = cut[t].moments < 0 ? 1
                                               : cut[t].volume / PetscPowRealInt(size[cut[t].cell], (int)c->loc->dim);
 
-    f->outside[cut[t].cell] = PetscMax(0, f->outside[cut[t].cell] - part);
+    f->fraction[cut[t].cell] = PetscMax(0, f->fraction[cut[t].cell] - part);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -157,7 +157,7 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
   for (PetscInt e = 0; e < c->loc->ncell; e++) {
     const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
 
-    if (k >= 0) inside[k] += (1 - f->outside[e]) * PetscPowRealInt(size[e], (int)c->loc->dim);
+    if (k >= 0) inside[k] += (1 - f->fraction[e]) * PetscPowRealInt(size[e], (int)c->loc->dim);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, inside, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt k = 0; k < n; k++) {

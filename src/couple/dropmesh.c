@@ -70,7 +70,8 @@ PetscErrorCode DropsGather(CoupleDrops *f, Couple c, const PetscInt cell_drop[],
 {
   PetscFunctionBeginUser;
   *now = (PhaseInterface){0};
-  if (c->loc->dim == 2) PetscCall(gather_curve(f, c, cell_drop, way, &now->curve));
+  if (f->regular) PetscCall(DropsMoveCurve(f, c, way, &now->curve));
+  else if (c->loc->dim == 2) PetscCall(gather_curve(f, c, cell_drop, way, &now->curve));
   else PetscCall(DropsGatherSheet(f, c, cell_drop, way, &now->sheet));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -173,7 +174,8 @@ static PetscErrorCode start_curve(CoupleDrops *f, Couple c)
 
 PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
 {
-  PetscReal way;
+  PhaseInterface now;
+  PetscReal      way;
 
   PetscFunctionBeginUser;
   if (!f->lined_up) {
@@ -183,8 +185,9 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
     f->first_order = PETSC_TRUE;
   } else {
     PetscCall(find_way(f, c));
+    PetscCall(DropsGather(f, c, f->cell_drop, f->way, &now));
     PetscCall(PhaseInterfaceDestroy(&f->interface));
-    PetscCall(DropsGather(f, c, f->cell_drop, f->way, &f->interface));
+    f->interface = now;
     PetscCall(DropsMeetBodies(f, c));
     PetscCall(DropsKeepVolumes(f, c, &f->interface, &way));
   }
@@ -201,8 +204,9 @@ PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
     const DropGroup *g = k < 0 ? NULL : f->s->group + f->s->drop[k].group;
 
     f->density[e] = g ? g->density : c->par->density;
-    if (f->outside) f->density[e] = c->par->density + f->outside[e] * (f->density[e] - c->par->density);
+    if (f->fraction) f->density[e] = c->par->density + f->fraction[e] * (f->density[e] - c->par->density);
     f->viscosity[e] = g && g->viscosity > 0 ? g->viscosity : c->par->viscosity;
+    if (f->regular) f->viscosity[e] = c->par->viscosity + f->fraction[e] * (f->viscosity[e] - c->par->viscosity);
   }
   PetscCall(FlowSetProperties(c->flow, f->density, f->viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -218,27 +222,21 @@ static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Which drops the parts of the new mesh are */
-static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
+PetscErrorCode DropsName(CoupleDrops *f, Couple c, PetscInt n, const PhaseInterface *now, PetscInt number[])
 {
-  PetscInt      *part, n, *number, before;
+  const PetscInt before = f->s->broken;
   PetscReal     *volume;
-  PhaseInterface now;
   PetscBool      changed;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->loc->ncell_all, &part));
-  PetscCall(DropsFindParts(c, f->result.cell_surface, part, &n));
-  PetscCall(DropsGather(f, c, part, NULL, &now));
-  PetscCall(PetscMalloc2(n, &volume, n, &number));
+  PetscCall(PetscMalloc1(n, &volume));
   for (PetscInt i = 0; i < n; i++) {
     PhaseSums sums;
 
-    PhaseInterfaceMeasure(&now, i, &sums);
+    PhaseInterfaceMeasure(now, i, &sums);
     volume[i] = PetscMax(sums.area, MIN_VOLUME * PetscPowRealInt(c->loc->h, (int)c->loc->dim));
   }
-  before = f->s->broken;
-  PetscCall(DropsInherit(f->drops, &f->interface, &now, n, volume, number, &changed));
+  PetscCall(DropsInherit(f->drops, &f->interface, now, n, volume, number, &changed));
   f->broke = f->s->broken > before ? GIVEN_BACK : PetscMax(0, f->broke - 1);
   if (!f->lined_up) PetscCall(DropsCheckStart(f, c, n, volume, number));
   PetscCheck(f->s->n, c->comm, PETSC_ERR_USER_INPUT,
@@ -246,8 +244,24 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
              (double)c->step->time);
   if (changed && f->lined_up) PetscCall(begin_anew(f, c));
   f->lined_up = PETSC_TRUE;
+  PetscCall(PetscFree(volume));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which drops the parts of the new mesh are */
+static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
+{
+  PetscInt      *part, n, *number;
+  PhaseInterface now;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->loc->ncell_all, &part));
+  PetscCall(DropsFindParts(c, f->result.cell_surface, part, &n));
+  PetscCall(DropsGather(f, c, part, NULL, &now));
+  PetscCall(PetscMalloc1(n, &number));
+  PetscCall(DropsName(f, c, n, &now, number));
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
-  PetscCall(PetscFree2(volume, number));
+  PetscCall(PetscFree(number));
   PetscCall(PhaseInterfaceDestroy(&now));
   PetscCall(PetscFree(part));
   PetscFunctionReturn(PETSC_SUCCESS);

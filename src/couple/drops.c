@@ -22,7 +22,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree6(f->way, f->corr, f->shift, f->velocity, f->force, f->weight));
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
-  PetscCall(PetscFree(f->outside));
+  PetscCall(PetscFree2(f->fraction, f->by_middle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -44,13 +44,16 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
-  if (f->meets) PetscCall(PetscMalloc1(ncell, &f->outside));
-  for (PetscInt e = 0; e < ncell && f->meets; e++) f->outside[e] = 1;
+  if (f->meets || f->regular) PetscCall(PetscMalloc2(ncell, &f->fraction, ncell, &f->by_middle));
+  for (PetscInt e = 0; e < ncell && f->fraction; e++) {
+    f->fraction[e]  = 1;
+    f->by_middle[e] = -1;
+  }
   PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
   PetscCall(DropsSetFilm(f, c));
-  f->s->cell_drop = f->cell_drop;
+  f->s->cell_drop = f->regular ? f->by_middle : f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
-  PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
+  if (!f->regular) PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(c->mesh, &f->remap));
   PetscCall(DropsSetProperties(f, c)); /* the solver is to know that there are viscosities */
   PetscCall(CoupleRenewSolver(c));
@@ -67,6 +70,8 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(PhaseSurfacesDestroy(&f->surfaces));
   PetscCall(PetscFree(f->term_cell));
   PetscCall(PetscFree(f->term));
+  PetscCall(PetscFree(f->band_cell));
+  PetscCall(PetscFree(f->band));
   PetscCall(PetscFree(f->angle));
   PetscCall(PetscFree(f));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -88,6 +93,10 @@ static PetscErrorCode predict(Couple c, void *data)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(DropsPredict(f, c));
+  if (f->regular) {
+    PetscCall(DropsRegularise(f, c));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(DropsCloseCells(f, c));
   PetscCall(DropsKeepApart(f, c));
   PetscCall(DropsAlign(f, c)); /* before other participants look at the mesh */
@@ -239,7 +248,8 @@ static PetscErrorCode visit(Couple c, void *data, State state)
       f->cell_drop[e] = (PetscInt)PetscMax(-1, value);
       if (f->closed && e < c->loc->ncell) f->closed[e] = (PetscBool)(value == CLOSED);
     }
-    PetscCall(DropsRestoreMesh(f, c));
+    if (f->regular) PetscCall(DropsFindFractions(f, c));
+    else PetscCall(DropsRestoreMesh(f, c));
     PetscCall(DropsSetProperties(f, c));
     PetscCall(CoupleNeedsSolver(c));
   }
@@ -272,17 +282,21 @@ static const CoupleParticipant DROPS = {.name         = "drops",
 
 PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
 {
-  const BoundaryMethod *method;
-  CoupleDrops          *f;
-  PetscBool             given;
-  char                  adapt[16];
-  PetscReal             size = 0;
+  static const char *const FORMS[] = {"aligned", "regularised", NULL};
+  const BoundaryMethod    *method;
+  CoupleDrops             *f;
+  PetscInt                 form = 0;
+  PetscBool                given;
+  char                     adapt[16];
+  PetscReal                size = 0;
 
   PetscFunctionBeginUser;
+  PetscCall(OptChoice("-couple_drops", FORMS, &form));
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
   PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
-             "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
+             "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option (-couple_drops regularised: drops without)",
+             method->name);
   PetscCheck(!c->s->nall || method == &method_penalty, c->comm, PETSC_ERR_SUP,
              "-couple_method %s: the mesh is lined up with drops, and rigid bodies beside them are held by the penalty: give -couple_method "
              "penalty",
@@ -299,6 +313,8 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   f->drops = drops;
   PetscCall(DropsGetState(drops, &f->s));
   PetscCall(DropsReadAngles(f, c));
+  f->regular = (PetscBool)form;
+  if (f->regular) PetscCall(DropsCheckRegular(f, c));
   for (PetscInt a = 0; a < c->loc->dim; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
   PetscCall(PhaseSurfacesCreate(c->loc->dim, PetscSqrtReal(size), &f->surfaces));
   PetscCall(CoupleAddParticipant(c, &DROPS, f));

@@ -34,16 +34,22 @@ typedef struct CoupleDrops {
   Align          align;
   AlignResult    result;
   Remap          remap;
-  PetscBool      first_order;         /* the last step was */
-  PetscInt       broke;               /* so many steps more give back what vanished where a drop broke up */
-  PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
-  PetscBool      meets, met;          /* there are bodies that drops wet; drops know what of them is inside of these */
-  PetscReal     *angle;               /* [groups of bodies] contact angle, 0: not wetted */
-  PetscReal     *outside;             /* [ncell_all] the part of a cell that is in no such body; NULL: there are none */
-  PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
-  PetscReal     *slip_length;         /* [6] of these, 0: free slip */
-  PetscInt      *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
-  PetscReal     *density, *viscosity; /* [ncell_all] */
+  PetscBool      first_order; /* the last step was */
+  PetscInt       broke;       /* so many steps more give back what vanished where a drop broke up */
+  PetscBool     *closed;      /* [ncell] too near to a rigid body for a drop; NULL: there are none */
+  PetscBool      meets, met;  /* there are bodies that drops wet; drops know what of them is inside of these */
+  PetscReal     *angle;       /* [groups of bodies] contact angle, 0: not wetted */
+  PetscBool      regular;     /* -couple_drops regularised: no mesh is lined up (dropregular.c) */
+  PetscInt      *by_middle;   /* [ncell_all] then: the drop that the middle of a cell is in, -1 */
+  PetscInt       nband, band_capacity, *band_cell; /* and local cells near the interface, ascending, */
+  PetscReal     *band; /* [nband][nb][nb] int delta (P grad phi_i) . (P grad phi_j), P along it */
+  /* [ncell_all] the part of a drop's cell that is its own: beside bodies that it wets, what is in none; where the
+     interface is regularised its mean; NULL: all */
+  PetscReal *fraction;
+  PetscInt  *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
+  PetscReal *slip_length;         /* [6] of these, 0: free slip */
+  PetscInt  *cell_drop;           /* [ncell_all] number of the drop, of any share; -1: the fluid around */
+  PetscReal *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
      of the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
@@ -109,6 +115,20 @@ PetscErrorCode DropsPredict(CoupleDrops *, Couple);
 PetscErrorCode DropsKeepVolumes(CoupleDrops *, Couple, PhaseInterface *, PetscReal *way);
 /* The mesh lined up with it, its cells' drops, density and viscosity. Collective. Error: it cannot be lined up. */
 PetscErrorCode DropsAlign(CoupleDrops *, Couple);
+/* n parts of the interface `now`, whose pieces have their numbers in place of a drop's: which drops they are, number
+   [n]; after events the step begins anew. Collective. Error: there is none any more. */
+PetscErrorCode DropsName(CoupleDrops *, Couple, PetscInt n, const PhaseInterface *now, PetscInt number[]);
+/* dropregular.c, in place of DropsAlign: the curve drawn anew, its drops, what of cells they are. Collective. */
+PetscErrorCode DropsRegularise(CoupleDrops *, Couple);
+/* Fractions of cells, and those near the interface, of the interface as it is. Not collective. */
+PetscErrorCode DropsFindFractions(CoupleDrops *, Couple);
+/* Error: what the regularised form has not. Collective. */
+PetscErrorCode DropsCheckRegular(CoupleDrops *, Couple);
+/* dropcurve.c. A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
+PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
+/* Of velocities u, synced, the mean over every drop: by the flux through its interface, int u_a = int x_a u.n, since
+   cells near it have other fluid too. Collective. */
+PetscErrorCode DropsMeanVelocities(CoupleDrops *, Couple, const PetscReal u[]);
 /* The mesh of a checkpoint that has been loaded. Collective. */
 PetscErrorCode DropsRestoreMesh(CoupleDrops *, Couple);
 PetscErrorCode DropsSetProperties(CoupleDrops *, Couple);

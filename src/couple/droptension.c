@@ -58,16 +58,39 @@ static void side_matrix(const MeshLocal *l, PetscReal sigma, PetscInt n, const P
   else DropsFaceMatrix(sigma, (PetscReal(*)[3])x, (PetscReal(*)[9])K);
 }
 
+/* K [n][n], the tension in it, of slots [n] of a local cell with nodes xc, into its matrix term [nb][nb]; and the force
+   of own cells */
+static void add_matrix(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal xc[], PetscInt n, const PetscInt slot[],
+                       const PetscReal K[], const PetscReal u[], const PetscReal u_old[], PetscReal term[])
+{
+  const MeshLocal *l     = c->loc;
+  const FlowStep  *s     = c->step;
+  const PetscReal  theta = DropsTheta(s) * s->dt;
+  const PetscInt  *node = l->cell_node + cell * l->nb, dim = l->dim;
+
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt j = 0; j < n; j++) {
+      term[l->nb * slot[i] + slot[j]] += theta * K[n * i + j];
+      for (PetscInt a = 0; a < dim && cell < l->ncell; a++)
+        f->force[dim * node[slot[i]] + a] -= K[n * i + j] *
+                                             (xc[dim * slot[j] + a] -
+                                              theta * extrapolated(s, u, u_old, dim * node[slot[j]] + a));
+    }
+}
+
+static PetscReal tension_of(const CoupleDrops *f, PetscInt cell)
+{
+  return f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
+}
+
 /* Of local cell of a drop, sides next to the fluid around: matrix [nb][nb] (NULL: not needed so far), and the force of
    own cells */
 static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal xc[], const PetscReal u[],
                                   const PetscReal u_old[], PetscReal **term)
 {
   const MeshLocal *l     = c->loc;
-  const FlowStep  *s     = c->step;
-  const PetscReal  theta = DropsTheta(s) * s->dt,
-                  sigma  = f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
-  const PetscInt *node = l->cell_node + cell * l->nb, dim = l->dim;
+  const PetscReal  sigma = tension_of(f, cell);
+  const PetscInt  *node = l->cell_node + cell * l->nb, dim = l->dim;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 2 * dim; e++) {
@@ -78,14 +101,28 @@ static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const
     if (!DropsIsInterface(l, f->cell_drop, node[slot[n / 2]])) continue;
     side_matrix(l, sigma, n, slot, xc, K);
     if (!*term) PetscCall(add_term(f, l->nb, cell, term));
-    for (PetscInt i = 0; i < n; i++)
-      for (PetscInt j = 0; j < n; j++) {
-        (*term)[l->nb * slot[i] + slot[j]] += theta * K[n * i + j];
-        for (PetscInt a = 0; a < dim && cell < l->ncell; a++)
-          f->force[dim * node[slot[i]] + a] -= K[n * i + j] *
-                                               (xc[dim * slot[j] + a] -
-                                                theta * extrapolated(s, u, u_old, dim * node[slot[j]] + a));
-      }
+    add_matrix(f, c, cell, xc, n, slot, K, u, u_old, *term);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The regularised form: of every cell near the interface */
+static PetscErrorCode add_bands(CoupleDrops *f, Couple c, const PetscReal u[], const PetscReal u_old[])
+{
+  const PetscInt nb = c->loc->nb;
+  PetscInt       slot[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < nb; j++) slot[j] = j;
+  for (PetscInt b = 0; b < f->nband; b++) {
+    const PetscInt  cell  = f->band_cell[b];
+    const PetscReal sigma = tension_of(f, cell);
+    PetscReal       xc[3 * MESH_MAX_NB], K[81], *term;
+
+    PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+    for (PetscInt i = 0; i < nb * nb; i++) K[i] = sigma * f->band[nb * nb * b + i];
+    PetscCall(add_term(f, nb, cell, &term));
+    add_matrix(f, c, cell, xc, nb, slot, K, u, u_old, term);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -129,7 +166,8 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
   PetscCall(PetscArrayzero(f->force, c->loc->dim * c->loc->nnode_all));
   f->nterm = 0;
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++) PetscCall(add_cell(f, c, e, u, u_old));
+  for (PetscInt e = 0; e < c->loc->ncell_all && !f->regular; e++) PetscCall(add_cell(f, c, e, u, u_old));
+  PetscCall(add_bands(f, c, u, u_old));
   PetscCall(FlowAddCellTerms(c->flow, f, f->nterm, f->term_cell, f->term));
   PetscCall(count_terms(f, c));
   PetscCall(FlowAddForce(c->flow, f, f->force));
@@ -158,7 +196,7 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
       ElementBasis(dim, xi, phi, dphi);
       ElementMap(dim, xc, xi, x, J);
       w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
-          DenseDeterminant(dim, J) * (f->outside ? f->outside[e] : 1);
+          DenseDeterminant(dim, J) * (f->fraction ? f->fraction[e] : 1);
       sum[4 * k] += w;
       for (PetscInt j = 0; j < dim * nb; j++)
         sum[4 * k + 1 + j % dim] += w * phi[j / dim] * u[dim * l->cell_node[nb * e + j / dim] + j % dim];
@@ -191,6 +229,7 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
     for (PetscInt a = 0; a < 3; a++) d->velocity[a] = sum[4 * k] > 0 ? sum[4 * k + 1 + a] / sum[4 * k] : 0;
     for (PetscInt a = 0; a < 3; a++) d->flux[a] = sum[4 * k + 1 + a];
   }
+  if (f->regular) PetscCall(DropsMeanVelocities(f, c, u));
   f->first_order = (PetscBool)(s->order == 1);
   PetscCall(PetscFree(sum));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -15,6 +15,13 @@ static const OptSpec SPECS[] = {
    .when = BODIES, .choices = "nodal, penalty, aligned", .old_words = "snap aligned", .also = "boundary_method, ibm",
    .words = "fitted aligned, alignment aligned, ibm penalty, fbm nodal, immersed penalty, fictitious nodal",
    .find  = "fictitious boundary, immersed boundary"},
+  {"-couple_drops", OPT_CHOICE, "", OPT_ANY, "aligned",
+   .help =
+     "drops in the plane: the mesh is lined up with their interface, or it stays and the interface is smeared over three cells: less "
+     "accurate, and nothing that cannot be lined up stops it",
+   .when = "-particle_<group>_material fluid", .choices = "aligned, regularised", .also = "drop_method",
+   .words = "csf regularised, regularized regularised, unaligned regularised, smeared regularised, snap aligned",
+   .find  = "continuum surface force, level set, volume of fluid, bubble"},
   {"-couple_anchored", OPT_BOOL, "", OPT_ANY, "true where all elastic particles are held (-particle_<group>_clamp)",
    .help =
      "elastic particles: the mesh is lined up with them once and follows their material, or it is lined up in every step",
