@@ -1,26 +1,19 @@
 /* AlignDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
-#include "aligntargets.h"
+#include "alignkept.h"
 #include "couple/bodysurfaces.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/array.h"
 #include "bodies/local.h"
-#include "mesh/carry.h"
-
-#define MAX_FIELDS 4
 
 /* Of a mesh that is no more */
 struct _n_AlignDriverKept {
-  Mesh       mesh; /* NULL until it arrives */
-  Remap      remap;
-  PetscInt   n, done;
+  AlignKept  mesh;
+  PetscInt   done;
   PetscBool *aligned;                /* [n] */
   PetscInt  *waits;                  /* [n] */
-  PetscReal *field[MAX_FIELDS];      /* [nnode_all][dim] of that mesh */
-  PetscInt  *inactive, *side;        /* [ncell_all] of that mesh */
-  PetscReal *near;                   /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
   PetscReal (*X)[3], (*q)[4], *size; /* [n] */
 };
 
@@ -51,21 +44,6 @@ struct _p_AlignDriver {
   AlignCarry       carry;     /* of AlignDriverSetCarry; NULL: none */
   void            *carry_ctx;
 };
-
-/* On a mesh that was made anew: own fluid nodes that the fit moves, or where the old mesh was lined up with bodies */
-static PetscErrorCode find_new_targets(AlignDriver f)
-{
-  const AlignResult *r = &f->result;
-
-  PetscFunctionBeginUser;
-  AlignTargetsBegin(&f->targets);
-  for (PetscInt e = 0; e < r->nnode; e++)
-    PetscCall(AlignTargetsAdd(&f->targets, r, f->state->number, r->node[e], r->x + f->loc->dim * e));
-  for (PetscInt i = 0; i < f->loc->nnode; i++)
-    if (f->kept_mesh->near[i] != 0)
-      PetscCall(AlignTargetsAdd(&f->targets, r, f->state->number, i, f->loc->x + f->loc->dim * i));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Of the two values of a node on a path, which come one after the other, the mean */
 static void join_pairs(AlignTargets *to)
@@ -122,8 +100,9 @@ static PetscErrorCode take_points(AlignDriver f, PetscReal *const psi[])
   PetscCall(PetscCalloc2(f->npoint, &side, f->npoint, &size));
   for (PetscInt e = 0; e < f->npoint; e++) size[e] = RemapCellSize(f->remap, f->point[e]);
   if (s)
-    PetscCall(RemapEvaluateAt(s->remap, f->npoint, f->from, size, side, (RemapCells){s->inactive, s->side}, 2,
-                              (const PetscReal *const *)psi, f->kept, &count));
+    PetscCall(RemapEvaluateAt(s->mesh.remap, f->npoint, f->from, size, side,
+                              (RemapCells){s->mesh.inactive, s->mesh.side}, 2, (const PetscReal *const *)psi, f->kept,
+                              &count));
   else
     PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side, (RemapCells){r->cell_before, r->side_before},
                             2, (const PetscReal *const *)psi, f->kept, &count));
@@ -176,11 +155,8 @@ static PetscErrorCode destroy_kept(AlignDriverKept **left)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RemapDestroy(&s->remap));
-  PetscCall(MeshDestroy(&s->mesh));
-  PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree7(s->aligned, s->waits, s->inactive, s->side, s->X, s->q, s->size));
-  PetscCall(PetscFree(s->near));
+  PetscCall(AlignKeptDestroy(&s->mesh));
+  PetscCall(PetscFree5(s->aligned, s->waits, s->X, s->q, s->size));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -190,7 +166,7 @@ static PetscErrorCode carry_over(AlignDriver f)
 {
   const AlignResult *r = &f->result;
   AlignTargets      *t = &f->targets;
-  PetscReal         *field[MAX_FIELDS];
+  PetscReal         *field[ALIGN_FIELDS];
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
@@ -208,26 +184,17 @@ static PetscErrorCode carry_over(AlignDriver f)
 /* The same from the mesh before, where this one was made anew */
 static PetscErrorCode carry_from_old(AlignDriver f)
 {
-  AlignDriverKept *left = f->kept_mesh;
-  AlignTargets    *to   = &f->targets;
-  const PetscInt   dim = f->loc->dim, bs = to->nfield * dim;
-  PetscReal       *now[MAX_FIELDS], *size;
+  AlignTargets *to = &f->targets;
+  PetscReal    *now[ALIGN_FIELDS];
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, now));
-  PetscCall(find_new_targets(f));
-  PetscCall(PetscMalloc1(to->n, &size));
-  for (PetscInt t = 0; t < to->n; t++) {
-    size[t] = RemapCellSize(f->remap, to->node[t]);
-    for (PetscInt e = 0; e < bs; e++) to->value[bs * t + e] = now[e / dim][dim * to->node[t] + e % dim];
-  }
-  PetscCall(RemapEvaluateAt(left->remap, to->n, to->x, size, to->side, (RemapCells){left->inactive, left->side},
-                            to->nfield, (const PetscReal *const *)left->field, to->value, &f->count));
+  PetscCall(AlignKeptEvaluate(&f->kept_mesh->mesh, &f->result, f->state->number, f->remap,
+                              (const PetscReal *const *)now, to, &f->count));
   PetscCall(find_points(f));
   join_pairs(to);
-  PetscCall(take_points(f, left->field + 2));
+  PetscCall(take_points(f, f->kept_mesh->mesh.field + 2));
   PetscCall(free_fields(to->nfield, now));
-  PetscCall(PetscFree(size));
   PetscCall(destroy_kept(&f->kept_mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -390,51 +357,21 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
 
 PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
 {
-  const MeshLocal *l = f->loc;
   const PetscInt   n = f->state->n;
   AlignDriverKept *s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc7(n, &s->aligned, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n,
-                         &s->q, n, &s->size));
+  PetscCall(AlignKeptCreate(f->loc, f->done ? &f->result : NULL, &s->mesh));
+  PetscCall(copy_fields(f, s->mesh.field));
+  PetscCall(PetscMalloc5(n, &s->aligned, n, &s->waits, n, &s->X, n, &s->q, n, &s->size));
   PetscCall(PetscArraycpy(s->size, f->size, n));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    s->inactive[c] = f->done ? f->result.cell_surface[c] : -1;
-    s->side[c]     = f->done ? f->result.cell_side[c] : 0;
-  }
   PetscCall(PetscArraycpy(s->aligned, f->aligned, n));
   PetscCall(PetscArraycpy(s->waits, f->waits, n));
   s->done = f->done;
   *left   = s;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* 1 at the nodes of cells of the old mesh that were lined up or inactive, brought over as a velocity is */
-static PetscErrorCode find_near(AlignDriverKept *s, Mesh now)
-{
-  const MeshLocal *l, *m;
-  PetscReal       *at;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(s->mesh, &l));
-  PetscCall(MeshGetLocal(now, &m));
-  PetscCall(PetscCalloc1(l->nnode_all, &at));
-  PetscCall(PetscMalloc1(m->nnode_all, &s->near));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    const PetscInt *node   = l->cell_node + c * l->nb;
-    PetscBool       placed = (PetscBool)(s->inactive[c] >= 0);
-
-    for (PetscInt j = 0; j < l->nb && !placed; j++)
-      for (PetscInt a = 0; a < l->dim; a++)
-        placed = (PetscBool)(placed || l->x[l->dim * node[j] + a] != l->x_start[l->dim * node[j] + a]);
-    for (PetscInt j = 0; j < l->nb && placed; j++) at[node[j]] = 1;
-  }
-  PetscCall(MeshCarryNodes(s->mesh, now, 1, at, s->near));
-  PetscCall(PetscFree(at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -443,18 +380,15 @@ PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mes
   const PetscInt n = f->state->n;
 
   PetscFunctionBeginUser;
-  f->kept_mesh       = *left;
-  f->kept_mesh->mesh = *old;
-  *left              = NULL;
-  *old               = NULL;
-  f->done            = f->kept_mesh->done;
+  f->kept_mesh = *left;
+  *left        = NULL;
+  f->done      = f->kept_mesh->done;
   PetscCall(PetscArraycpy(f->aligned, f->kept_mesh->aligned, n));
   PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, n));
   PetscCall(PetscArraycpy(f->size, f->kept_mesh->size, n));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->kept_mesh->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->kept_mesh->q, 4 * n));
-  PetscCall(RemapCreate(f->kept_mesh->mesh, &f->kept_mesh->remap));
-  PetscCall(find_near(f->kept_mesh, f->mesh));
+  PetscCall(AlignKeptArrive(&f->kept_mesh->mesh, old, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

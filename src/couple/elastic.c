@@ -45,17 +45,30 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode keep_of_mesh(Couple c, void *data)
+{
+  Elastic *e = (Elastic *)data;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  if (e->align) PetscCall(ElasticAlignBeforeRemesh(e->align, &e->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
   Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
-  (void)old;
   PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
   PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
   if (!e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
+  if (e->left) {
+    PetscCall(ElasticAlignAfterRemesh(e->align, &e->left, old));
+    PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -369,23 +382,24 @@ static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CoupleParticipant ELASTIC = {.name         = "elastic",
-                                          .others       = PETSC_TRUE,
-                                          .begin        = predict,
-                                          .prepare      = prepare,
-                                          .rows         = assemble,
-                                          .solved       = solved,
-                                          .balance      = balance,
-                                          .energy       = add_energy,
-                                          .losses       = add_losses,
-                                          .limit        = limit,
-                                          .overstep     = overstep,
-                                          .advance      = advance,
-                                          .discard      = discard,
-                                          .after_remesh = make_on_mesh,
-                                          .visit        = visit,
-                                          .view         = view,
-                                          .destroy      = destroy};
+static const CoupleParticipant ELASTIC = {.name          = "elastic",
+                                          .others        = PETSC_TRUE,
+                                          .begin         = predict,
+                                          .prepare       = prepare,
+                                          .rows          = assemble,
+                                          .solved        = solved,
+                                          .balance       = balance,
+                                          .energy        = add_energy,
+                                          .losses        = add_losses,
+                                          .limit         = limit,
+                                          .overstep      = overstep,
+                                          .advance       = advance,
+                                          .before_remesh = keep_of_mesh,
+                                          .discard       = discard,
+                                          .after_remesh  = make_on_mesh,
+                                          .visit         = visit,
+                                          .view          = view,
+                                          .destroy       = destroy};
 
 /* Solvers that the terms of a solid are known to */
 static PetscErrorCode check_solver(Couple c, const SolidsState *s)
@@ -404,6 +418,21 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
              "-scalars in a flow with elastic solids: what they carry as they move is not in the balance: remove -scalars, or set "
              "-particle_%s_material rigid and hold it (-particle_%s_free none)",
              s->group[0].name, s->group[0].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A mesh that has been given another form as a whole has no cells to be made anew */
+static PetscErrorCode check_track(const Elastic *e, Couple c)
+{
+  PetscBool tracks = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeekBool("-mesh_track", &tracks));
+  PetscCheck(!tracks || !e->anchored, c->comm, PETSC_ERR_SUP,
+             "-mesh_track true: the mesh goes along with elastic particles that are held, and its fine cells with it: remove -mesh_track");
+  PetscCheck(!tracks || !e->rebase, c->comm, PETSC_ERR_SUP,
+             "-mesh_track true: with -couple_method aligned the mesh is lined up with rigid bodies once, before elastic particles: use "
+             "-couple_method penalty, or remove -mesh_track");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -433,6 +462,7 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_anchored true: the mesh goes along with elastic particles that are held in the plane alone; in space it is lined up with them in "
              "every step: remove it");
+  PetscCall(check_track(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

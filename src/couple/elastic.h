@@ -19,7 +19,7 @@
 #include "elasticale.h"
 #include "elasticalign.h"
 #include "elasticinertia.h"
-#include "elasticsurfaces.h"
+#include "couple/elasticsurfaces.h"
 #include "pointcells.h"
 #include "solid/solid.h"
 #include "couple/couple.h"
@@ -61,28 +61,29 @@ typedef struct Elastic {
   PetscReal      *corner;   /* [][dim] theirs at the start, lent to the boundary method */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
-  PetscReal      *x, *a, *u, *end; /* u: velocities as solved, end: positions at its end with them */
-  ElasticPoints   node, point;     /* nodes of the solids; their quadrature points */
-  Mat             P, K, E;         /* map, matrix of the solids, P^T K P */
-  Vec             us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
-  VecScatter      gather;
-  PetscReal      *force;           /* [own nodes][dim] on the flow */
-  PetscReal      *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
-  PetscBool       aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
-  ElasticAlign    align;           /* NULL: immersed, or not yet */
-  ElasticInertia  inertia;         /* of solids that the mesh follows */
-  ElasticAle      ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
-  PetscBool       anchored;
-  ElasticLabels   labels; /* of this step, if there is one */
-  PetscInt        immersed_steps;
-  ElasticOnce     once;
-  ElasticContacts contacts;
-  PetscInt        nvolume, volume_capacity, *volume_cell;
-  PetscReal      *volume_C, *volume_g;
-  PetscReal       supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
-  PetscReal      *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
-  PetscReal      *kept;     /* [solids] error of the volume that was put right at the end of the step */
-  PetscReal      *change;   /* [solids][dim] int c_t u_s - d(u_s) */
+  PetscReal        *x, *a, *u, *end; /* u: velocities as solved, end: positions at its end with them */
+  ElasticPoints     node, point;     /* nodes of the solids; their quadrature points */
+  Mat               P, K, E;         /* map, matrix of the solids, P^T K P */
+  Vec               us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
+  VecScatter        gather;
+  PetscReal        *force;           /* [own nodes][dim] on the flow */
+  PetscReal        *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
+  PetscBool         aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
+  ElasticAlign      align;           /* NULL: immersed, or not yet */
+  ElasticAlignKept *left;            /* while the cells of the mesh are made anew: of those before */
+  ElasticInertia    inertia;         /* of solids that the mesh follows */
+  ElasticAle        ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  PetscBool         anchored;
+  ElasticLabels     labels; /* of this step, if there is one */
+  PetscInt          immersed_steps;
+  ElasticOnce       once;
+  ElasticContacts   contacts;
+  PetscInt          nvolume, volume_capacity, *volume_cell;
+  PetscReal        *volume_C, *volume_g;
+  PetscReal         supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
+  PetscReal        *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal        *kept;     /* [solids] error of the volume that was put right at the end of the step */
+  PetscReal        *change;   /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 
 /* Is solid k one that the mesh follows in this step? */

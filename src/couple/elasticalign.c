@@ -1,7 +1,15 @@
 /* ElasticAlign: see elasticalign.h. */
 #include "compat.h"
 #include "elasticalign.h"
-#include "aligntargets.h"
+#include "alignkept.h"
+
+/* Of a mesh that is no more */
+struct _n_ElasticAlignKept {
+  AlignKept  mesh;
+  PetscBool *aligned; /* [n] */
+  PetscInt  *waits;   /* [n] */
+  PetscInt   done;
+};
 
 struct _p_ElasticAlign {
   Flow               flow;
@@ -20,6 +28,7 @@ struct _p_ElasticAlign {
   PetscReal         *density;      /* [ncell_all] */
   PetscInt          *label, *none; /* [ncell_all]; none: -1 */
   AlignTargets       targets;      /* own nodes that get other old velocities */
+  ElasticAlignKept  *kept_mesh;    /* the mesh before, until the next update; NULL: it is this one */
 };
 
 PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticSurfaces surfaces,
@@ -54,12 +63,25 @@ PetscErrorCode ElasticAlignHold(ElasticAlign f, const PetscBool held[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode destroy_kept(ElasticAlignKept **left)
+{
+  ElasticAlignKept *kept = *left;
+
+  PetscFunctionBeginUser;
+  if (!kept) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AlignKeptDestroy(&kept->mesh));
+  PetscCall(PetscFree2(kept->aligned, kept->waits));
+  PetscCall(PetscFree(*left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
 {
   ElasticAlign f = *align;
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(destroy_kept(&f->kept_mesh));
   PetscCall(AlignDestroy(&f->align));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree5(f->x, f->wanted, f->aligned, f->before, f->waits));
@@ -71,19 +93,31 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
 
 /* ---- old velocities ---- */
 
+/* What is fluid for it: on both sides of a membrane */
+static AlignResult fluid_of(const ElasticAlign f)
+{
+  AlignResult fluid = f->result;
+
+  if (SolidsAreMembranes(f->s)) fluid.cell_surface = fluid.cell_before = f->none;
+  return fluid;
+}
+
 static PetscErrorCode carry_over(ElasticAlign f)
 {
-  const AlignResult *r     = &f->result;
-  AlignResult        fluid = *r; /* on both sides of a membrane */
-  AlignTargets      *t     = &f->targets;
-  PetscReal         *u[2];
-  RemapCount         count;
+  const AlignResult fluid = fluid_of(f);
+  AlignTargets     *t     = &f->targets;
+  PetscReal        *u[2];
+  RemapCount        count;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  if (SolidsAreMembranes(f->s)) fluid.cell_surface = fluid.cell_before = f->none;
+  if (f->kept_mesh) {
+    PetscCall(AlignKeptEvaluate(&f->kept_mesh->mesh, &fluid, NULL, f->remap, (const PetscReal *const *)u, t, &count));
+    PetscCall(destroy_kept(&f->kept_mesh));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(AlignTargetsFind(t, &fluid, NULL, NULL));
-  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){fluid.cell_before, r->side_before}, 2,
+  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){fluid.cell_before, fluid.side_before}, 2,
                           (const PetscReal *const *)u, t->value, &count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -132,7 +166,7 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
   f->done      = 1;
   f->targets.n = 0;
   PetscCall(MeshUpdateBegin(f->mesh_update, r->ncell, r->cell, &any));
-  if (any) PetscCall(carry_over(f));
+  if (any || f->kept_mesh) PetscCall(carry_over(f));
   PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
                                                                .node     = r->node,
                                                                .x        = r->x,
@@ -149,6 +183,41 @@ PetscErrorCode ElasticAlignGetLabels(ElasticAlign f, ElasticLabels *labels)
   PetscFunctionBeginUser;
   *labels = (ElasticLabels){.lined = f->aligned, .cell_solid = f->label};
   for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->aligned[k];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignBeforeRemesh(ElasticAlign f, ElasticAlignKept **left)
+{
+  const PetscInt    n     = f->loc->nnode_all * f->loc->dim;
+  const AlignResult fluid = fluid_of(f);
+  ElasticAlignKept *kept;
+  PetscReal        *u[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&kept));
+  PetscCall(AlignKeptCreate(f->loc, f->done ? &fluid : NULL, &kept->mesh));
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  for (PetscInt k = 0; k < 2; k++) {
+    PetscCall(PetscMalloc1(n, &kept->mesh.field[k]));
+    PetscCall(PetscArraycpy(kept->mesh.field[k], u[k], n));
+  }
+  PetscCall(PetscMalloc2(f->s->n, &kept->aligned, f->s->n, &kept->waits));
+  PetscCall(PetscArraycpy(kept->aligned, f->aligned, f->s->n));
+  PetscCall(PetscArraycpy(kept->waits, f->waits, f->s->n));
+  kept->done = f->done;
+  *left      = kept;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignAfterRemesh(ElasticAlign f, ElasticAlignKept **left, Mesh *old)
+{
+  PetscFunctionBeginUser;
+  f->kept_mesh = *left;
+  *left        = NULL;
+  f->done      = f->kept_mesh->done;
+  PetscCall(PetscArraycpy(f->aligned, f->kept_mesh->aligned, f->s->n));
+  PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, f->s->n));
+  PetscCall(AlignKeptArrive(&f->kept_mesh->mesh, old, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

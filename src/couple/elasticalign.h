@@ -7,7 +7,7 @@
    bodies, aligned.h). A solid that the mesh cannot follow is immersed in that step and the ten after it. */
 #pragma once
 #include "align/align.h"
-#include "elasticsurfaces.h"
+#include "couple/elasticsurfaces.h"
 #include "meshupdate.h"
 #include "mesh/remap.h"
 #include "couple/couple.h"
@@ -31,5 +31,10 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *);
 PetscErrorCode ElasticAlignUpdate(ElasticAlign, const PetscReal x[], ElasticLabels *);
 /* Those of the last update or load. */
 PetscErrorCode ElasticAlignGetLabels(ElasticAlign, ElasticLabels *);
+/* When the cells of the mesh are made anew: which solids it follows, and what it was (alignkept.h), taken before, then
+   given to those of the new mesh, which take the old mesh over. Collective. */
+typedef struct _n_ElasticAlignKept ElasticAlignKept;
+PetscErrorCode                     ElasticAlignBeforeRemesh(ElasticAlign, ElasticAlignKept **);
+PetscErrorCode                     ElasticAlignAfterRemesh(ElasticAlign, ElasticAlignKept **, Mesh *old);
 /* A checkpoint: where solids were in the last update. Loading moves the mesh there. Collective. */
 PetscErrorCode ElasticAlignVisitState(ElasticAlign, State);

@@ -1,7 +1,7 @@
 /* ElasticSurfaces: see elasticsurfaces.h. */
 #include "compat.h"
 #include "elasticfaces.h"
-#include "elasticsurfaces.h"
+#include "couple/elasticsurfaces.h"
 #include "base/algebra.h"
 #include "fem/edge.h"
 #include "fem/element.h"

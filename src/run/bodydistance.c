@@ -113,46 +113,57 @@ static PetscReal radius_of(const BodyDistance *s, PetscInt k)
 
 /* ---- how far from them ---- */
 
+/* Elastic ones come after the rigid ones */
 static PetscErrorCode create_grid(BodyDistance *s)
 {
-  PetscReal *half;
+  const PetscInt n = BodyDistanceCount(s);
+  PetscReal     *half;
+  PetscReal(*X)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->n, &half));
+  PetscCall(PetscMalloc2(n, &half, n, &X));
+  PetscCall(PetscArraycpy((PetscReal *)X, (const PetscReal *)s->near_X, 3 * s->n));
   for (PetscInt k = 0; k < s->n; k++) half[k] = s->removed[k] ? -1 : radius_of(s, k) + s->margin;
-  PetscCall(
-    NearGridCreate(s->dim, s->lower, s->upper, s->period, s->n, (const PetscReal(*)[3])s->near_X, half, &s->grid));
-  PetscCall(PetscFree(half));
+  for (PetscInt k = s->n; k < n; k++) {
+    PetscCall(PetscArraycpy(X[k], s->solids->centre[k - s->n], 3));
+    half[k] = s->solids->radius[k - s->n] + s->margin;
+  }
+  PetscCall(NearGridCreate(s->dim, s->lower, s->upper, s->period, n, (const PetscReal(*)[3])X, half, &s->grid));
+  PetscCall(PetscFree2(half, X));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* *d becomes the distance to body k, looked at closely only within reach, if that is less */
 static PetscErrorCode try_body(const BodyDistance *s, PetscInt k, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
-  PetscReal y[3] = {0, 0, 0}, r = 0, at;
+  const PetscInt   e      = k - s->n; /* >= 0: an elastic one */
+  const PetscReal *X      = e < 0 ? s->near_X[k] : s->solids->centre[e];
+  const PetscReal  radius = e < 0 ? radius_of(s, k) : s->solids->radius[e];
+  PetscReal        y[3] = {0, 0, 0}, r = 0, at;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < s->dim; a++) {
-    y[a] = DomainNearest(s->period[a], x[a], s->near_X[k][a]);
-    r += PetscSqr(y[a] - s->near_X[k][a]);
+    y[a] = DomainNearest(s->period[a], x[a], X[a]);
+    r += PetscSqr(y[a] - X[a]);
   }
-  r = PetscSqrtReal(r) - radius_of(s, k) - s->margin;
-  if (s->removed[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesDistanceOf(s->bodies, s->group[k], s->scale[k], s->near_X[k], s->near_q[k], 1, y, &at));
+  r = PetscSqrtReal(r) - radius - s->margin;
+  if ((e < 0 && s->removed[k]) || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
+  if (e < 0) PetscCall(BodiesDistanceOf(s->bodies, s->group[k], s->scale[k], X, s->near_q[k], 1, y, &at));
+  else PetscCall((*s->solids->distance)(s->solids->ctx, e, X, 1, y, &at));
   *d = PetscMin(*d, s->inside ? PetscMax(at - s->margin, 0) : PetscAbsReal(at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodyDistanceAt(void *ctx, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
-  BodyDistance   *s = ctx;
-  const PetscInt *body;
-  Grid            grid;
+  BodyDistance  *s = ctx;
+  const PetscInt n = BodyDistanceCount(s), *body;
+  Grid           grid;
 
   PetscFunctionBeginUser;
   *d = PETSC_MAX_REAL;
-  if (s->n <= FEW) {
-    for (PetscInt k = 0; k < s->n; k++) PetscCall(try_body(s, k, x, reach, d));
+  if (n <= FEW) {
+    for (PetscInt k = 0; k < n; k++) PetscCall(try_body(s, k, x, reach, d));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (!s->grid) PetscCall(create_grid(s));

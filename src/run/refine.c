@@ -7,6 +7,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "couple/elasticsurfaces.h"
 #include "mesh/carry.h"
 
 #define LEAD_STEPS 10   /* steps that a new mesh looks ahead */
@@ -17,11 +18,15 @@ struct _p_Refine {
   MPI_Comm     comm;
   Mesh         mesh;
   BodyDistance surface;
-  PetscBool    tracks;
-  PetscInt     coarser;        /* levels less than -mesh_levels around bodies on the first mesh */
-  PetscInt     reach;          /* cells beyond its own within which a rank is to know bodies */
-  PetscReal    track_distance; /* -mesh_track_distance */
-  PetscInt     changes;
+  /* elastic solids, NULL: none; their surfaces and nodes [nnode][dim] where the mesh has them */
+  const SolidsState *solids;
+  ElasticSurfaces    outlines;
+  PetscReal         *x;
+  PetscBool          tracks;
+  PetscInt           coarser;        /* levels less than -mesh_levels around bodies on the first mesh */
+  PetscInt           reach;          /* cells beyond its own within which a rank is to know bodies */
+  PetscReal          track_distance; /* -mesh_track_distance */
+  PetscInt           changes;
   /* what stands on the mesh */
   Flow   flow;
   Couple couple;
@@ -47,7 +52,7 @@ static PetscErrorCode remark_cut_jumps(BodyDistance *s, Mesh mesh)
   s->margin = 0;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshGetComm(mesh, &comm));
-  for (PetscInt c = 0; c < l->ncell && s->n; c++) {
+  for (PetscInt c = 0; c < l->ncell && BodyDistanceCount(s); c++) {
     PetscReal xc[MESH_MAX_NB * 3], centre[3] = {0, 0, 0}, r = 0, d;
 
     if (!MeshCellHang(l, c)) continue;
@@ -94,6 +99,41 @@ static PetscErrorCode set_body_positions(Refine r, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The same of elastic solids */
+static PetscErrorCode set_solid_positions(Refine r, PetscReal dt)
+{
+  const SolidsState *s = r->solids;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscInt first = s->dim * s->first[k], last = s->dim * s->first[k + 1];
+    PetscReal      speed = 0, lead_time = LEAD_STEPS * dt;
+
+    for (PetscInt i = first; i < last; i++) speed = PetscMax(speed, PetscAbsReal(s->u[i]));
+    speed *= PetscSqrtReal(s->dim);
+    if (speed * lead_time > r->surface.margin) lead_time = r->surface.margin / speed;
+    for (PetscInt i = first; i < last; i++) r->x[i] = s->x[i] + lead_time * s->u[i];
+  }
+  PetscCall(ElasticSurfacesSet(r->outlines, r->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* How far a node of a solid can be at the end of the step from where the mesh has it */
+static PetscReal solid_displacement(Refine r, PetscReal dt)
+{
+  const SolidsState *s   = r->solids;
+  PetscReal          far = 0;
+
+  for (PetscInt i = 0; s && i < s->nnode; i++) {
+    PetscReal way = 0;
+
+    for (PetscInt j = s->dim * i; j < s->dim * (i + 1); j++) way += PetscSqr(s->x[j] + dt * s->u[j] - r->x[j]);
+    far = PetscMax(far, way);
+  }
+  return PetscSqrtReal(far);
+}
+
 /* How far a point of body k can be at the end of the step from where the mesh has it */
 static PetscErrorCode find_displacement(Refine r, PetscInt k, PetscReal dt, PetscReal *track_distance)
 {
@@ -118,7 +158,7 @@ static PetscErrorCode find_displacement(Refine r, PetscInt k, PetscReal dt, Pets
 /* What a mesh is made around */
 static MeshSurface mesh_surface(Refine r)
 {
-  return (MeshSurface){.distance = r->surface.s->nall ? BodyDistanceAt : NULL,
+  return (MeshSurface){.distance = BodyDistanceHasAny(&r->surface) ? BodyDistanceAt : NULL,
                        .carriers = BodyDistanceWakeBoxes,
                        .look     = BodyDistanceGather,
                        .context  = &r->surface,
@@ -170,8 +210,25 @@ PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool steady, Bodies *bodies, Mesh *mesh,
-                                Refine *refine)
+/* The solids where they start; *still: do they stay near there? Held ones do. */
+static PetscErrorCode start_solids(Refine r, Solids solids, PetscBool *still)
+{
+  SolidsState *s;
+
+  PetscFunctionBeginUser;
+  if (!solids) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SolidsGetState(solids, &s));
+  r->solids = s;
+  for (PetscInt g = 0; g < s->ngroups; g++) *still = (PetscBool)(*still && s->group[g].nclamped > 0);
+  PetscCall(PetscMalloc1(s->dim * s->nnode, &r->x));
+  PetscCall(ElasticSurfacesCreate(s, &r->outlines));
+  r->surface.solids = ElasticSurfacesGet(r->outlines);
+  PetscCall(set_solid_positions(r, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool steady, Solids solids, Bodies *bodies,
+                                Mesh *mesh, Refine *refine)
 {
   Refine        r;
   BodyDistance *s;
@@ -188,6 +245,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool 
   s->bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
+  PetscCall(start_solids(r, solids, &still));
   still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
   if (steady || (!still && with_bodies)) PetscCall(OptBool("-mesh_track", &r->tracks));
@@ -200,7 +258,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool 
   if (still) PetscCall(RefineIsByFlow(&adapt));
   if (adapt) PetscCall(start_coarse(r));
   surface = mesh_surface(r);
-  PetscCall(MeshCreateAround(comm, s->s->nall || adapt ? &surface : NULL, mesh));
+  PetscCall(MeshCreateAround(comm, BodyDistanceHasAny(s) || adapt ? &surface : NULL, mesh));
   PetscCall(remark_cut_jumps(s, *mesh));
   PetscCall(BodyDistanceFree(s));
   r->mesh = *mesh;
@@ -213,6 +271,8 @@ PetscErrorCode RefineDestroy(Refine *refine)
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodyDistanceFree(&(*refine)->surface));
+  PetscCall(ElasticSurfacesDestroy(&(*refine)->outlines));
+  PetscCall(PetscFree((*refine)->x));
   if ((*refine)->surface.X) {
     PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.X));
     PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.q));
@@ -258,9 +318,11 @@ static PetscErrorCode remesh(Refine r)
 
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleBeforeRemesh(r->couple));
-  PetscCall(MeshRemesh(r->mesh, r->surface.s->nall ? &surface : NULL, &old));
+  PetscCall(MeshRemesh(r->mesh, BodyDistanceHasAny(&r->surface) ? &surface : NULL, &old));
   PetscCall(BodyDistanceFree(&r->surface));
   PetscCall(renew_above(r, old));
+  /* rigid ones, where there are any, become known as the step predicts them */
+  if (r->couple && !r->surface.s->nall) PetscCall(CoupleUpdateLocalBodies(r->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -287,11 +349,13 @@ PetscErrorCode RefineTrack(Refine r, PetscReal dt)
     PetscCall(find_displacement(r, k, dt, &track_distance));
     due = (PetscBool)(track_distance > r->surface.margin);
   }
+  due = (PetscBool)(due || solid_displacement(r, dt) > r->surface.margin);
   PetscCall(BodiesAny(r->surface.bodies, &due));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LimitsExceed(r->limits, r->row));
   PetscCall(PetscTime(&begin));
   PetscCall(set_body_positions(r, dt));
+  PetscCall(set_solid_positions(r, dt));
   PetscCall(remesh(r));
   PetscCall(PetscTime(&end));
   PetscCall(MonitorPhaseSeconds(r->monitor, MONITOR_MESH, end - begin));
@@ -320,6 +384,19 @@ static PetscErrorCode restore(void *refine, State look)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode visit_solids(Refine r, State state)
+{
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  if (!r->solids) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateHas(state, "solids", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* where they started: the mesh follows in the next step */
+  PetscCall(StateReals(state, "solids", r->solids->dim * r->solids->nnode, r->x));
+  PetscCall(ElasticSurfacesSet(r->outlines, r->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The run before may have followed no body: then the present one begins with where they are */
 static PetscErrorCode visit_state(void *refine, State state)
 {
@@ -331,6 +408,7 @@ static PetscErrorCode visit_state(void *refine, State state)
 
   PetscFunctionBeginUser;
   if (!r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(visit_solids(r, state));
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &size));
   if (size == 3 * n) {
     PetscCall(BodiesBeginRows(b, &rows));
@@ -383,7 +461,7 @@ PetscErrorCode RefineMatch(Refine r)
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
   surface = mesh_surface(r);
-  PetscCall(MeshIsAround(r->mesh, r->surface.s->nall ? &surface : NULL, &same));
+  PetscCall(MeshIsAround(r->mesh, BodyDistanceHasAny(&r->surface) ? &surface : NULL, &same));
   PetscCall(BodyDistanceFree(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);

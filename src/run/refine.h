@@ -1,4 +1,5 @@
-/* Refine: the bodies of a scene as what a mesh refines around (-mesh_levels, MeshSurface), and meshes that follow them.
+/* Refine: the bodies of a scene, rigid and elastic ones, as what a mesh refines around (-mesh_levels, MeshSurface), and
+   meshes that follow them.
 
    With -mesh_track cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
    than half of -mesh_track_distance finest cells from where the present mesh has the bodies. A new mesh has them that
@@ -13,13 +14,15 @@
 #include "mesh/mesh.h"
 #include "report/checkpoint.h"
 #include "report/monitor.h"
+#include "solid/solid.h"
 
 typedef struct _p_Refine *Refine;
 
-/* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
-   (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
-   both; a body that moves away from its fine cells; -mesh_track in a steady scene, where none moves. */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool with_bodies, PetscBool steady, Bodies *, Mesh *, Refine *);
+/* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them and around solids (borrowed,
+   NULL: none), or in boxes alone (MeshReadLevels). Bodies that stand still, and solids that are held, are fine at their
+   surface, others also inside. Collective. Errors: those of both; a body that moves away from its fine cells;
+   -mesh_track in a steady scene, where none moves. */
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool with_bodies, PetscBool steady, Solids, Bodies *, Mesh *, Refine *);
 /* -mesh_adapt: is it refined by the flow (meshadapt.h)? Collective. */
 PetscErrorCode RefineIsByFlow(PetscBool *wanted);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */

@@ -154,18 +154,37 @@ static PetscErrorCode set_up_contact(SimComponents *sim, PetscBool active)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimComponents *sim, PetscBool steady, const MeshLocal **l)
+/* h: of the flow's smallest cells */
+static PetscErrorCode create_solids(SimComponents *sim, PetscBool active, PetscInt dim, PetscReal h,
+                                    const PetscReal lower[3], const PetscReal upper[3])
 {
-  PetscInt  levels;
-  PetscBool with_bodies;
+  PetscFunctionBeginUser;
+  PetscCall(SolidsCreate(sim->comm, dim, active ? SOLID_FINER * h : h, lower, upper, &sim->solids));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A refined mesh is made around bodies and solids, others before them */
+static PetscErrorCode create_mesh_and_bodies(SimComponents *sim, PetscBool active, PetscBool steady,
+                                             const MeshLocal **mesh)
+{
+  const MeshLocal *l;
+  PetscInt         levels, dim;
+  PetscReal        h, lower[3], upper[3], period[3];
+  PetscBool        with_bodies;
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadLevels(&levels, &with_bodies));
-  if (levels) PetscCall(RefineCreateMesh(sim->comm, with_bodies, steady, &sim->bodies, &sim->mesh, &sim->refine));
-  else PetscCall(MeshCreate(sim->comm, &sim->mesh));
-  PetscCall(MeshGetLocal(sim->mesh, l));
-  if (!levels) PetscCall(BodiesCreateLocal(sim->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &sim->bodies));
+  if (levels) {
+    PetscCall(MeshReadBox(sim->comm, &dim, lower, upper, period));
+    PetscCall(MeshReadFinest(sim->comm, &h));
+    PetscCall(create_solids(sim, active, dim, h, lower, upper));
+    PetscCall(RefineCreateMesh(sim->comm, with_bodies, steady, sim->solids, &sim->bodies, &sim->mesh, &sim->refine));
+  } else PetscCall(MeshCreate(sim->comm, &sim->mesh));
+  PetscCall(MeshGetLocal(sim->mesh, mesh));
+  if (levels) PetscFunctionReturn(PETSC_SUCCESS);
+  l = *mesh;
+  PetscCall(BodiesCreateLocal(sim->comm, l->dim, l->lower, l->upper, l->period, &sim->bodies));
+  PetscCall(create_solids(sim, active, l->dim, l->h, l->lower, l->upper));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -244,8 +263,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(create_mesh_and_bodies(sim, steady, &l));
-  PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, l->lower, l->upper, &sim->solids));
+  PetscCall(create_mesh_and_bodies(sim, active, steady, &l));
   PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   if (active && refusal)
     PetscCall(
@@ -331,7 +349,7 @@ static PetscErrorCode make_other(SimComponents *sim)
     PetscCall(build(sim, NULL, 0));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(create_mesh_and_bodies(sim, PETSC_TRUE, &l));
+  PetscCall(create_mesh_and_bodies(sim, PETSC_TRUE, PETSC_TRUE, &l));
   PetscCall(set_up_contact(sim, PETSC_TRUE));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
   if (BodiesComm(sim->bodies) != PETSC_COMM_SELF) PetscCall(BodiesMigrate(sim->bodies, l->h, 1));
