@@ -26,6 +26,7 @@ typedef struct {
   const PhaseSolid *solid;
   PetscReal (*x)[3], *d; /* [nnode] */
   PetscBool *moves;      /* [nnode] */
+  PetscInt  *held;       /* [nnode] by walls */
   PetscInt   nrim;
   Rim       *rim; /* [nnode] */
 } Meet;
@@ -209,6 +210,7 @@ static void move_node(const Meet *m, PetscInt i)
 
     up = (1 - b) * (contact[0] + contact[1] / (1 + 2 * r)) + b * (stays[0] + stays[1] / (3 - 2 * r));
   }
+  PhaseSheetSlide(m->held[i], n);
   for (PetscInt a = 0; a < 3; a++) x[a] += up * n[a];
 }
 
@@ -218,9 +220,10 @@ PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
   PetscBool any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc4(s->nnode, &m.x, s->nnode, &m.d, s->nnode, &m.moves, s->nnode, &m.rim));
+  PetscCall(PetscMalloc5(s->nnode, &m.x, s->nnode, &m.d, s->nnode, &m.moves, s->nnode, &m.held, s->nnode, &m.rim));
   for (PetscInt i = 0; i < 27 * s->n; i++) m.x[s->node[i / 27][i % 27 / 3]][i % 3] = s->x[i / 27][i % 27 / 3][i % 3];
   PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
+  PhaseSheetGetHeld(s, m.held);
   PetscCall(find_moving(&m, &any));
   if (any) PetscCall(find_rim(&m));
   for (PetscInt k = 0; k < m.nrim; k++) PetscCall(find_contact(solid, m.rim + k));
@@ -230,7 +233,7 @@ PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
     PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
   }
   for (PetscInt i = 0; i < 27 * s->n; i++) s->x[i / 27][i % 27 / 3][i % 3] = m.x[s->node[i / 27][i % 27 / 3]][i % 3];
-  PetscCall(PetscFree4(m.x, m.d, m.moves, m.rim));
+  PetscCall(PetscFree5(m.x, m.d, m.moves, m.held, m.rim));
   PhaseSheetUpdate(s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
