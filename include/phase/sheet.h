@@ -45,9 +45,9 @@ void           PhaseSheetApproach(const PhaseSheet *, const PetscReal x[3], cons
 void           PhaseSheetMeasure(const PhaseSheet *, PetscInt drop, PhaseSums *);
 PetscReal      PhaseSheetNear(const PhaseSheet *, const PetscReal x[3], PetscReal reach);
 PetscErrorCode PhaseSheetShift(PhaseSheet *, PetscInt drop, PetscReal way);
-/* held [nnode]: along which axes (bits) walls hold a node, those that the faces along them close the surface at. Slide: a
-   unit normal n becomes the way along such walls that goes as far along it. */
-void PhaseSheetGetHeld(const PhaseSheet *, PetscInt held[]);
-void PhaseSheetSlide(PetscInt held, PetscReal n[3]);
+/* fixed [nnode]: along which axes (bits) walls fix a node, those that the faces along them close the surface at. Slide:
+   a unit normal n becomes the way along such walls that goes as far along it. */
+void PhaseSheetGetFixed(const PhaseSheet *, PetscInt fixed[]);
+void PhaseSheetSlide(PetscInt fixed, PetscReal n[3]);
 /* sheetmeet.c. As PhaseCurveMeet. */
 PetscErrorCode PhaseSheetMeet(PhaseSheet *, const PhaseSolid *);

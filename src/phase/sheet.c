@@ -410,32 +410,32 @@ void PhaseSheetMeasure(const PhaseSheet *s, PetscInt drop, PhaseSums *sums)
   for (PetscInt i = 0; i < 6; i++) sums->second[i] = second[i] / sums->area - first[ROW[i]] * first[COL[i]];
 }
 
-void PhaseSheetGetHeld(const PhaseSheet *s, PetscInt held[])
+void PhaseSheetGetFixed(const PhaseSheet *s, PetscInt fixed[])
 {
   const PetscReal middle[2] = {0, 0};
 
-  for (PetscInt i = 0; i < s->nnode; i++) held[i] = 0;
+  for (PetscInt i = 0; i < s->nnode; i++) fixed[i] = 0;
   for (PetscInt i = 0; i < 9 * s->n; i++) {
     PetscReal n[3];
 
     if (!s->wall[i / 9]) continue;
     FaceNormalAt(s->x[i / 9], middle, n);
-    for (PetscInt a = 0; a < 3; a++) held[s->node[i / 9][i % 9]] |= PetscAbsReal(n[a]) > 0.9 ? 1 << a : 0;
+    for (PetscInt a = 0; a < 3; a++) fixed[s->node[i / 9][i % 9]] |= PetscAbsReal(n[a]) > 0.9 ? 1 << a : 0;
   }
 }
 
-void PhaseSheetSlide(PetscInt held, PetscReal n[3])
+void PhaseSheetSlide(PetscInt fixed, PetscReal n[3])
 {
   PetscReal along;
 
-  for (PetscInt a = 0; a < 3; a++) n[a] = held >> a & 1 ? 0 : n[a];
+  for (PetscInt a = 0; a < 3; a++) n[a] = fixed >> a & 1 ? 0 : n[a];
   along = PetscSqrtReal(dot3(n, n));
-  for (PetscInt a = 0; a < 3 && held && along > 0; a++) n[a] /= along * PetscMax(FLAT, along);
+  for (PetscInt a = 0; a < 3 && fixed && along > 0; a++) n[a] /= along * PetscMax(FLAT, along);
 }
 
 /* By what nodes move if the sheet is shifted by 1: along their normal n [nnode], of length 1 where it is smooth; at a
    wall, whose faces hold them, along it and farther, as the sheet meets it at an angle */
-static void shift_of_nodes(const PhaseSheet *s, const PetscInt held[], PetscReal (*n)[3])
+static void shift_of_nodes(const PhaseSheet *s, const PetscInt fixed[], PetscReal (*n)[3])
 {
   for (PetscInt i = 0; i < 9 * s->n; i++) {
     const PetscInt to = s->node[i / 9][i % 9];
@@ -449,21 +449,21 @@ static void shift_of_nodes(const PhaseSheet *s, const PetscInt held[], PetscReal
     const PetscReal whole = PetscMax(PETSC_SMALL, PetscSqrtReal(dot3(n[i], n[i])));
 
     for (PetscInt a = 0; a < 3; a++) n[i][a] /= whole;
-    PhaseSheetSlide(held[i], n[i]);
+    PhaseSheetSlide(fixed[i], n[i]);
   }
 }
 
 PetscErrorCode PhaseSheetShift(PhaseSheet *s, PetscInt drop, PetscReal way)
 {
   PetscReal(*n)[3];
-  PetscInt *held;
+  PetscInt *fixed;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(s->nnode, &n, s->nnode, &held));
-  PhaseSheetGetHeld(s, held);
-  shift_of_nodes(s, held, n);
+  PetscCall(PetscCalloc2(s->nnode, &n, s->nnode, &fixed));
+  PhaseSheetGetFixed(s, fixed);
+  shift_of_nodes(s, fixed, n);
   for (PetscInt i = 0; i < 27 * s->n; i++)
     if (s->drop[i / 27] == drop) s->x[i / 27][i % 27 / 3][i % 3] += way * n[s->node[i / 27][i % 27 / 3]][i % 3];
-  PetscCall(PetscFree2(n, held));
+  PetscCall(PetscFree2(n, fixed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

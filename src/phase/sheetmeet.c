@@ -1,20 +1,23 @@
 /* PhaseSheet, solids: how a sheet meets the surface of something solid (phase/sheet.h), as curves do in the plane
    (meet.c). Faces stay; their nodes inside of what is solid, and so far before it, are moved along the sheet's normal.
    From every node around them that stays a line goes on smoothly and meets the surface at the contact angle; a moved
-   node is on the mean of what these lines say, near ones counting most: before the surface on a cubic between the
-   planes at their two ends, inside on the planes of the contact line, which flatten out there. */
+   node goes onto the parabola that is nearest to both ends of these lines and to the normals there, near ones counting
+   most. Deep inside, where nothing is known, that flattens out. */
 #include "compat.h"
 #include "phase/sheet.h"
 #include "base/algebra.h"
 #include "base/face.h"
 
-#define DIFFER 1e-5 /* of a length: for normals of the surface */
-#define ROUNDS 40
-#define MOVES  4   /* times that nodes go to where the planes say, which know where they were */
-#define INWARD 0.2 /* cosine: so much towards the surface a line goes at nearest */
-#define STEEP  0.2 /* cosine between normals of the sheet: so little at least */
-#define FADES  2   /* lengths, inside: half of the slope is left */
-#define CLOSE  1e-12
+#define DIFFER  1e-5 /* of a length: for normals of the surface */
+#define ROUNDS  40
+#define MOVES   4   /* times that nodes go to where the parabolas say, which know where they were */
+#define INWARD  0.2 /* cosine: so much towards the surface a line goes at nearest */
+#define STEEP   0.2 /* cosine between normals of the sheet: so little at least */
+#define KEEPS   1   /* lengths, inside: so far the sheet goes on as outside, */
+#define FADES   2   /* and so much farther half of what it rises is left */
+#define CLOSE   1e-12
+#define FLATTER 1e-9 /* of the trace: curvature where points are in a row */
+#define NEAREST 1e-3 /* of squares of lengths, in weights */
 
 typedef struct {
   PetscReal x[3], n[3], d; /* a node that stays, the normal of what stays of the sheet there, how far it is outside */
@@ -26,7 +29,7 @@ typedef struct {
   const PhaseSolid *solid;
   PetscReal (*x)[3], *d; /* [nnode] */
   PetscBool *moves;      /* [nnode] */
-  PetscInt  *held;       /* [nnode] by walls */
+  PetscInt  *fixed;      /* [nnode] by walls */
   PetscInt   nrim;
   Rim       *rim; /* [nnode] */
 } Meet;
@@ -164,53 +167,89 @@ static PetscErrorCode find_contact(const PhaseSolid *s, Rim *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Height above y, along n, of a plane through p with normal q: of p, and what the slope adds */
-static void height_above(const PetscReal y[3], const PetscReal n[3], const PetscReal p[3], const PetscReal q[3],
-                         PetscReal weight, PetscReal h[2])
-{
-  const PetscReal way[3] = {p[0] - y[0], p[1] - y[1], p[2] - y[2]};
-  const PetscReal level  = dot3(way, n);
-
-  h[0] += weight * level;
-  h[1] += weight * (dot3(way, q) / PetscMax(STEEP, dot3(n, q)) - level);
-}
-
 static PetscReal weight_of(const PetscReal y[3], const PetscReal p[3], PetscReal h)
 {
-  const PetscReal way[3] = {p[0] - y[0], p[1] - y[1], p[2] - y[2]};
+  const PetscReal way[3] = {(p[0] - y[0]) / h, (p[1] - y[1]) / h, (p[2] - y[2]) / h};
 
-  return 1 / PetscSqr(dot3(way, way) + 1e-6 * h * h);
+  return 1 / PetscSqr(dot3(way, way) + NEAREST);
+}
+
+/* Least squares for a parabola over the plane through y with normal n: z = a0 + a1 u + a2 v + a3 u^2 + a4 u v + a5 v^2,
+   lengths in h */
+typedef struct {
+  PetscReal y[3], frame[3][3], h; /* two tangents, n */
+  PetscReal A[36], b[6];
+} Parabola;
+
+static void begin_parabola(Parabola *f, const PetscReal y[3], const PetscReal n[3], PetscReal h)
+{
+  const PetscInt first   = PetscAbsReal(n[0]) < 0.6 ? 0 : 1;
+  PetscReal      axis[3] = {first == 0, first == 1, 0};
+
+  *f = (Parabola){.h = h};
+  for (PetscInt a = 0; a < 3; a++) {
+    f->y[a]        = y[a];
+    f->frame[2][a] = n[a];
+  }
+  across(axis, n, f->frame[0]);
+  cross(n, f->frame[0], f->frame[1]);
+}
+
+static void add_equation(Parabola *f, PetscReal weight, const PetscReal row[6], PetscReal value)
+{
+  for (PetscInt i = 0; i < 36; i++) f->A[i] += weight * row[i / 6] * row[i % 6];
+  for (PetscInt i = 0; i < 6; i++) f->b[i] += weight * row[i] * value;
+}
+
+/* It goes through p, where its normal is q; its height there */
+static PetscReal add_point(Parabola *f, PetscReal weight, const PetscReal p[3], const PetscReal q[3])
+{
+  PetscReal way[3], r[3], m[3];
+
+  for (PetscInt a = 0; a < 3; a++) way[a] = (p[a] - f->y[a]) / f->h;
+  for (PetscInt a = 0; a < 3; a++) {
+    r[a] = dot3(way, f->frame[a]);
+    m[a] = dot3(q, f->frame[a]);
+  }
+  m[2] = PetscMax(STEEP, m[2]);
+  add_equation(f, weight, (PetscReal[6]){1, r[0], r[1], r[0] * r[0], r[0] * r[1], r[1] * r[1]}, r[2]);
+  add_equation(f, weight, (PetscReal[6]){0, 1, 0, 2 * r[0], r[1], 0}, -m[0] / m[2]);
+  add_equation(f, weight, (PetscReal[6]){0, 0, 1, 0, r[0], 2 * r[1]}, -m[1] / m[2]);
+  return r[2];
+}
+
+static PetscReal parabola_height(Parabola *f)
+{
+  PetscReal inverse[36], x[6], trace = 0;
+
+  for (PetscInt i = 0; i < 6; i++) trace += f->A[7 * i];
+  for (PetscInt i = 3; i < 6; i++) f->A[7 * i] += FLATTER * trace;
+  DenseInvert(6, f->A, inverse);
+  DenseMultiply(6, inverse, PETSC_FALSE, f->b, x);
+  return x[0];
 }
 
 static void move_node(const Meet *m, PetscInt i)
 {
-  const PetscReal h = m->solid->h, d = m->d[i];
-  PetscReal       stays[2] = {0, 0}, contact[2] = {0, 0}, n[3] = {0}, sum[2] = {0, 0}, far = 0, up, *x = m->x[i];
+  const PetscReal h = m->solid->h, d = m->d[i], deep = PetscMax(0, -d / h - KEEPS) / FADES;
+  PetscReal       n[3] = {0}, contact = 0, sum = 0, up, *x = m->x[i];
+  Parabola        f;
 
   for (PetscInt k = 0; k < m->nrim; k++)
     for (PetscInt a = 0; a < 3; a++) n[a] += weight_of(x, m->rim[k].x, h) * m->rim[k].n[a];
   normalise(n);
+  begin_parabola(&f, x, n, h);
   for (PetscInt k = 0; k < m->nrim; k++) {
     const Rim      *r = m->rim + k;
-    const PetscReal w = weight_of(x, r->x, h), v = weight_of(x, r->c, h);
+    const PetscReal v = weight_of(x, r->c, h);
 
-    height_above(x, n, r->x, r->n, w, stays);
-    height_above(x, n, r->c, r->m, v, contact);
-    far += w * r->d;
-    sum[0] += w;
-    sum[1] += v;
+    (void)add_point(&f, weight_of(x, r->x, h), r->x, r->n);
+    contact += v * add_point(&f, v, r->c, r->m);
+    sum += v;
   }
-  for (PetscInt a = 0; a < 2; a++) {
-    stays[a] /= sum[0];
-    contact[a] /= sum[1];
-  }
-  if (d <= 0) up = contact[0] + contact[1] / (1 - d / (FADES * h));
-  else {
-    const PetscReal r = PetscMin(1, d * sum[0] / far), b = r * r * (3 - 2 * r); /* Hermite's cubic */
-
-    up = (1 - b) * (contact[0] + contact[1] / (1 + 2 * r)) + b * (stays[0] + stays[1] / (3 - 2 * r));
-  }
-  PhaseSheetSlide(m->held[i], n);
+  contact /= sum;
+  up = h * (contact + (parabola_height(&f) - contact) / (1 + deep * deep));
+  PhaseSheetSlide(m->fixed[i], n);
   for (PetscInt a = 0; a < 3; a++) x[a] += up * n[a];
 }
 
@@ -220,10 +259,10 @@ PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
   PetscBool any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc5(s->nnode, &m.x, s->nnode, &m.d, s->nnode, &m.moves, s->nnode, &m.held, s->nnode, &m.rim));
+  PetscCall(PetscMalloc5(s->nnode, &m.x, s->nnode, &m.d, s->nnode, &m.moves, s->nnode, &m.fixed, s->nnode, &m.rim));
   for (PetscInt i = 0; i < 27 * s->n; i++) m.x[s->node[i / 27][i % 27 / 3]][i % 3] = s->x[i / 27][i % 27 / 3][i % 3];
   PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
-  PhaseSheetGetHeld(s, m.held);
+  PhaseSheetGetFixed(s, m.fixed);
   PetscCall(find_moving(&m, &any));
   if (any) PetscCall(find_rim(&m));
   for (PetscInt k = 0; k < m.nrim; k++) PetscCall(find_contact(solid, m.rim + k));
@@ -233,7 +272,7 @@ PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
     PetscCall((*solid->distance)(solid->ctx, s->nnode, (const PetscReal *)m.x, m.d, NULL));
   }
   for (PetscInt i = 0; i < 27 * s->n; i++) s->x[i / 27][i % 27 / 3][i % 3] = m.x[s->node[i / 27][i % 27 / 3]][i % 3];
-  PetscCall(PetscFree5(m.x, m.d, m.moves, m.held, m.rim));
+  PetscCall(PetscFree5(m.x, m.d, m.moves, m.fixed, m.rim));
   PhaseSheetUpdate(s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -247,7 +247,7 @@ static void test_meet_ball(void **state)
     PhaseSheet      c;
 
     assert_true(!make(1, &of, NULL, 0, &c));
-    BELOW(meet(&c, &floor, H, 1) / H, 0.12); /* set after .11 was seen: a cell turns by a quarter of a radian */
+    BELOW(meet(&c, &floor, H, 1) / H, degrees < 150 ? 0.05 : 0.12); /* set after .047 and .117 were seen */
     (void)PhaseSheetDestroy(&c);
   }
 }
@@ -265,8 +265,8 @@ static void test_open(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums), cmocka_unit_test(test_closest),
-                                     cmocka_unit_test(test_shift), cmocka_unit_test(test_period),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),       cmocka_unit_test(test_closest),
+                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_period),
                                      cmocka_unit_test(test_meet_plane), cmocka_unit_test(test_meet_ball),
                                      cmocka_unit_test(test_open)};
   int                     failed;
