@@ -1,5 +1,5 @@
 /* Solids: elastic particles, groups of -particle_groups with a -particle_<group>_material other than rigid: elastic
-   solids, and membranes around the flow's own fluid (without density or inertia).
+   solids, and membranes, without mass, around a fluid of the flow's own density.
 
    A group has one reference mesh (reference.h) of its shape, its law and density; a solid is a copy of that mesh with
    positions and velocities of its nodes at the last two times: these are all its state. All ranks know all solids, and
@@ -27,8 +27,9 @@ typedef struct {
   PetscReal     stiffness; /* as a pressure: the shear modulus, of a membrane over its radius */
   PetscBool     compressible, membrane;
   PetscReal     density, viscosity;
-  PetscInt      first, count; /* of the solids; those of several are neither held nor watched */
-  PetscBool    *clamped;      /* [mesh.nnode] */
+  PetscReal     inner_viscosity; /* of what a membrane encloses, 0: as around it */
+  PetscInt      first, count;    /* of the solids; those of several are neither held nor watched */
+  PetscBool    *clamped;         /* [mesh.nnode] */
   PetscInt      nclamped;
   PetscInt      nwatch, *watch; /* nodes of the reference mesh that are watched */
   PetscReal    *watched;        /* [nwatch][dim] where they are in space at the start */
@@ -61,6 +62,8 @@ PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, const PetscR
                             Solids *);
 PetscErrorCode SolidsDestroy(Solids *);
 PetscErrorCode SolidsGetState(Solids, SolidsState **);
+/* Does some membrane enclose a fluid of another viscosity than that around it? */
+PetscBool      SolidsHaveInnerFluid(Solids);
 PetscErrorCode SolidsView(Solids, PetscViewer);
 
 /* Sums of solid k as it is now. */

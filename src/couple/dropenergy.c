@@ -5,36 +5,6 @@
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
-#include "base/algebra.h"
-#include "fem/element.h"
-#include "fem/gauss.h"
-
-/* 2 mu int D : D over a cell with nodes xc [nb][dim], velocities v [nb][dim]: a rational function where it is curved */
-static PetscReal dissipation_of_cell(PetscInt dim, PetscReal mu, const PetscReal xc[], const PetscReal v[])
-{
-  const PetscInt nb  = dim == 2 ? 9 : 27;
-  PetscReal      sum = 0;
-
-  for (PetscInt q = 0; q < (dim == 2 ? 16 : 64); q++) {
-    const PetscReal xi[3] = {GAUSS4_POINT[q % 4], GAUSS4_POINT[q / 4 % 4], GAUSS4_POINT[q / 16]};
-    PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9], det, G[9] = {0}, square = 0;
-
-    ElementBasis(dim, xi, phi, dphi);
-    ElementMap(dim, xc, xi, x, J);
-    det = DenseInvertMap(dim, J, inverse);
-    if (det <= 0) continue; /* corners that are flat, at places that the flow does not use */
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt b = 0; b < dim; b++) {
-        PetscReal d = 0;
-
-        for (PetscInt e = 0; e < dim; e++) d += dphi[nb * e + j] * inverse[dim * e + b];
-        for (PetscInt a = 0; a < dim; a++) G[dim * a + b] += d * v[dim * j + a];
-      }
-    for (PetscInt e = 0; e < dim * dim; e++) square += 0.5 * PetscSqr(G[e] + G[e % dim * dim + e / dim]);
-    sum += GAUSS4_WEIGHT[q % 4] * GAUSS4_WEIGHT[q / 4 % 4] * (dim == 3 ? GAUSS4_WEIGHT[q / 16] : 1) * det * mu * square;
-  }
-  return sum;
-}
 
 /* sum: viscosity, friction, M u . u and force . u of this rank */
 static PetscErrorCode sum_losses(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[4])
@@ -43,14 +13,14 @@ static PetscErrorCode sum_losses(CoupleDrops *f, Couple c, const PetscReal u[], 
   const PetscInt   dim = l->dim, nb = l->nb;
 
   PetscFunctionBeginUser;
+  PetscCall(CoupleViscousPower(c, f->viscosity, u, &sum[0]));
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt *node = l->cell_node + e * nb;
     PetscReal       xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB], M[MESH_MAX_NB * MESH_MAX_NB] = {0};
 
+    if (!f->side || !DropsHasFriction(f, l, e)) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
     for (PetscInt i = 0; i < dim * nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
-    sum[0] += dissipation_of_cell(dim, f->viscosity[e], xc, v);
-    if (!f->side || !DropsHasFriction(f, l, e)) continue;
     DropsAddFriction(f, l, e, xc, M);
     for (PetscInt i = 0; i < nb * nb * dim; i++)
       sum[1] += v[dim * (i / dim / nb) + i % dim] * M[i / dim] * v[dim * (i / dim % nb) + i % dim];

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "elastic.h"
 #include "elasticgap.h"
+#include "elasticinner.h"
 #include "impl.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -39,6 +40,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(MatDestroy(&e->E));
   PetscCall(PetscFree(e->force));
   PetscCall(PetscFree(e->lumped));
+  PetscCall(PetscFree(e->viscosity));
   PetscCall(ElasticInertiaDestroy(&e->inertia));
   PetscCall(ElasticAlignDestroy(&e->align));
   PetscCall(ElasticAleDestroy(&e->ale));
@@ -55,12 +57,21 @@ static PetscErrorCode keep_of_mesh(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
+/* Of the flow's cells, the surfaces being where they are now */
+static PetscErrorCode set_properties(Elastic *e, Couple c)
 {
-  Elastic *e = (Elastic *)data;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
+  if (e->viscosity)
+    PetscCall(ElasticInnerFind(c->mesh, e->s, e->surfaces, e->align ? e->labels.lined : NULL, e->labels.cell_solid,
+                               c->par->viscosity, e->viscosity));
+  PetscCall(FlowSetProperties(c->flow, e->align ? e->labels.density : NULL, e->viscosity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What -couple_method aligned has of a mesh */
+static PetscErrorCode make_aligned(Elastic *e, Couple c, Mesh *old)
+{
+  PetscFunctionBeginUser;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
   PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
@@ -69,6 +80,22 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
     PetscCall(ElasticAlignAfterRemesh(e->align, &e->left, old));
     PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
+{
+  Elastic *e = (Elastic *)data;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
+  PetscCall(make_aligned(e, c, old));
+  if (!SolidsHaveInnerFluid(e->solids)) PetscFunctionReturn(PETSC_SUCCESS);
+  /* the solver is to know that there are viscosities; those of a step come with its geometry */
+  PetscCall(PetscMalloc1(c->loc->ncell_all, &e->viscosity));
+  for (PetscInt i = 0; i < c->loc->ncell_all; i++) e->viscosity[i] = c->par->viscosity;
+  PetscCall(FlowSetProperties(c->flow, NULL, e->viscosity));
+  PetscCall(CoupleRenewSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,6 +197,7 @@ static PetscErrorCode begin_anchored(Elastic *e, Couple c)
   PetscCheck(!e->labels.immersed, c->comm, PETSC_ERR_USER_INPUT,
              "-couple_method aligned cannot line the mesh up with an elastic particle where it starts: give it two cells across at least, or use "
              "-couple_method penalty");
+  PetscCall(set_properties(e, c));
   PetscCall(create_ale(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -186,6 +214,7 @@ static PetscErrorCode prepare(Couple c, void *data)
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
   PetscCall(ElasticFindContacts(e, c));
+  if ((e->align && !e->ale) || e->viscosity) PetscCall(set_properties(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -362,10 +391,11 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   if (StateIsLoading(state) && e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
   if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ElasticAlignVisitState(e->align, state));
-  if (StateIsLoading(state) && e->anchored && !e->ale) {
+  if (StateIsLoading(state)) {
     PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
-    PetscCall(create_ale(e, c));
+    PetscCall(set_properties(e, c));
   }
+  if (StateIsLoading(state) && e->anchored && !e->ale) PetscCall(create_ale(e, c));
   if (e->ale) PetscCall(ElasticAleVisitState(e->ale, state));
   PetscCall(CoupleNeedsSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);

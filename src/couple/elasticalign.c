@@ -25,6 +25,7 @@ struct _p_ElasticAlign {
   PetscBool         *wanted, *aligned, *before; /* [n] */
   PetscInt          *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
   PetscInt           done;
+  PetscBool          solid_inside; /* some cells are a solid's */
   PetscReal         *density;      /* [ncell_all] */
   PetscInt          *label, *none; /* [ncell_all]; none: -1 */
   AlignTargets       targets;      /* own nodes that get other old velocities */
@@ -124,7 +125,7 @@ static PetscErrorCode carry_over(ElasticAlign f)
 
 /* ---- labels ---- */
 
-/* Cells of solids that are followed, and with them the density */
+/* Cells of solids that are followed, and their density */
 static PetscErrorCode set_labels(ElasticAlign f)
 {
   const FlowParameters *par;
@@ -137,7 +138,7 @@ static PetscErrorCode set_labels(ElasticAlign f)
     f->label[c]   = f->result.cell_surface[c];
     f->density[c] = f->label[c] >= 0 ? 0 : par->density;
   }
-  PetscCall(FlowSetProperties(f->flow, any ? f->density : NULL, NULL));
+  f->solid_inside = any;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -181,7 +182,9 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
 PetscErrorCode ElasticAlignGetLabels(ElasticAlign f, ElasticLabels *labels)
 {
   PetscFunctionBeginUser;
-  *labels = (ElasticLabels){.lined = f->aligned, .cell_solid = f->label};
+  *labels = (ElasticLabels){.lined      = f->aligned,
+                            .cell_solid = f->label,
+                            .density    = f->solid_inside ? f->density : NULL};
   for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->aligned[k];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,7 @@ typedef struct {
   const PetscBool *lined;      /* [solids] does the mesh follow it in this step? */
   const PetscInt  *cell_solid; /* [ncell_all] solid that a cell is inside of, -1: fluid; for solids it follows */
   PetscInt         immersed;   /* solids that it does not follow */
+  const PetscReal *density;    /* [ncell_all] for FlowSetProperties, NULL: the fluid's everywhere */
 } ElasticLabels;
 
 /* The surfaces, of the same solids, are borrowed: every update sets them. Collective. Errors: a matrix-free

@@ -130,7 +130,7 @@ static PetscErrorCode push_power(const Elastic *e, Couple c, PetscReal *power)
 PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
 {
   PetscReal total, flux[3], sum_u[3], inertia = 0, force = 0, weight = 0;
-  PetscReal sum[5] = {viscous_power(e), ElasticContactPower(e), 0, volume_power(e, c->field.p)};
+  PetscReal sum[6] = {viscous_power(e), ElasticContactPower(e), 0, volume_power(e, c->field.p)};
 
   PetscFunctionBeginUser;
   PetscCall(total_power(e, &total));
@@ -145,7 +145,9 @@ PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
   }
   sum[3] += inertia;
   sum[4] = force; /* with the weight of the fluid that the pressure has there */
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, c->comm));
+  if (e->viscosity) PetscCall(CoupleViscousPower(c, e->viscosity, c->field.u, &sum[5]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, c->comm));
+  if (e->viscosity) w->viscous = sum[5];
   w->viscous += sum[0];
   w->boundary -= sum[1] + sum[2] + sum[3];
   w->inertia += total - sum[0] + sum[1] + sum[3] - sum[4] + weight;

@@ -227,6 +227,11 @@ PetscErrorCode CoupleAddFlowRate(Couple);
 /* All of them */
 PetscErrorCode CoupleAddParticipants(Couple);
 
+/* ---- dissipation.c ---- */
+
+/* 2 mu int D(u) : D(u) over own cells, with the viscosity of each [ncell_all]. Not collective. */
+PetscErrorCode CoupleViscousPower(Couple, const PetscReal viscosity[], const PetscReal u[], PetscReal *power);
+
 /* ---- setup.c, local.c: what they share on a mesh ---- */
 
 PetscErrorCode CoupleCreateSystem(Couple);

@@ -5,7 +5,8 @@
 
 static const OptSpec SPECS[] = {
   {"-particle_<group>_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "that of the fluid around",
-   .help = "viscosity of a drop or bubble", .when = FLUID, .also = "mu, drop_viscosity"},
+   .help = "viscosity of a drop or bubble, or of what a membrane encloses", .when = FLUID " or membrane",
+   .also = "mu, drop_viscosity, inner_viscosity, viscosity_ratio"},
   {"-particle_<group>_surface_tension", OPT_REAL, "force/length", OPT_FROM(0), "",
    .help = "surface tension of a drop or bubble", .when = FLUID, .also = "sigma, tension, gamma",
    .find = "drop, bubble, interface, two-phase, capillary"},

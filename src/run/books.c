@@ -45,14 +45,15 @@ static PetscErrorCode is_default(const SimComponents *sim, PetscBool *wanted)
 
 PetscErrorCode BooksCreate(const SimComponents *sim, Books *books)
 {
-  PetscBool wanted = PETSC_FALSE, implicit, constant;
+  PetscBool wanted = PETSC_FALSE, implicit, constant, fluids;
   Books     b;
 
   PetscFunctionBeginUser;
   *books = NULL;
   if (!sim->flow || sim->steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleIsImplicit(sim->couple, &implicit));
-  constant = (PetscBool)((sim->drops || !FlowHasSymmetricStress(sim->flow)) && !FlowIsViscoelastic(sim->flow));
+  fluids   = (PetscBool)(sim->drops || (sim->solids && SolidsHaveInnerFluid(sim->solids)));
+  constant = (PetscBool)((fluids || !FlowHasSymmetricStress(sim->flow)) && !FlowIsViscoelastic(sim->flow));
   if (constant && implicit) PetscCall(is_default(sim, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);

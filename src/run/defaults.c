@@ -33,7 +33,8 @@ enum {
   SWIMS    = 65536,  /* a body whose surface moves in its own frame (bodies/slip.h) */
   ADRIFT   = 131072, /* nothing holds the fluid: periodic along all axes, nobody pulls, no -flow_rate */
   DROPS    = 262144,
-  SOLIDS   = 524288 /* elastic particles */
+  SOLIDS   = 524288, /* elastic particles */
+  FLUIDS   = 1048576 /* several, each with its viscosity */
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -122,7 +123,7 @@ static const struct {
   {NULL, NULL, DROPS | BODIES, "-couple_method", "penalty"},
   /* viscosities by cell, on cells of which some are nearly flat; tension is stiff along the interface: 2.6 to 4 sweeps
      of a velocity solve for 5 to 13 */
-  {NULL, NULL, SPATIAL | DROPS, "-flow_velocity_operator", "assembled"},
+  {NULL, NULL, SPATIAL | FLUIDS, "-flow_velocity_operator", "assembled"},
   {NULL, NULL, DROPS, "-flow_velocity_smoother", "ilu"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */
   {"-flow_solver", "fast", UNSTEADY | EMPTY, "-sim_check_momentum", "0.3"},
@@ -372,8 +373,8 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool solids, PetscBool drops, PetscBool steady,
-                             char refusal[], size_t len)
+PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, Solids solids, Drops drops, PetscBool steady, char refusal[],
+                             size_t len)
 {
   const MeshLocal *l;
   LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
@@ -381,7 +382,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool solids, PetscBo
   Replaced         replaced = {0};
   PetscInt         preset   = PROMISE_DEFAULT;
   PetscBool        given, commanded;
-  int              situation = 0;
+  int              situation = 0, others = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptHas("-preset", &given));
@@ -389,7 +390,9 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool solids, PetscBo
   PetscCall(OptDefault("-preset", PROMISE_PRESETS[preset]));
   commanded = OptIsArgument("-preset");
   PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(find_situation(l, bodies, (solids ? SOLIDS : 0) | (drops ? DROPS : 0), steady, &situation));
+  if (solids) others |= SOLIDS | (SolidsHaveInnerFluid(solids) ? FLUIDS : 0);
+  if (drops) others |= DROPS | FLUIDS;
+  PetscCall(find_situation(l, bodies, others, steady, &situation));
   if (situation & BODIES) PetscCall(find_scene(mesh, bodies, steady, preset, &situation, &scene));
   if (given) situation |= ASKED;
   if (commanded) PetscCall(take_from_scene(situation, &replaced));

@@ -266,8 +266,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(create_mesh_and_bodies(sim, active, steady, &l));
   PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   if (active && refusal)
-    PetscCall(
-      DefaultsApply(sim->mesh, sim->bodies, (PetscBool) !!sim->solids, (PetscBool) !!sim->drops, steady, refusal, len));
+    PetscCall(DefaultsApply(sim->mesh, sim->bodies, sim->solids, sim->drops, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {

@@ -35,18 +35,18 @@ static PetscErrorCode refuse_slip(const char group[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What is of solids alone: a membrane has no volume, and what is in it is the fluid */
+/* What is of solids alone: a membrane has no volume, and what is in it is a fluid of the same density */
 static PetscErrorCode refuse_of_solids(const char group[])
 {
-  static const char *const OF_SOLIDS[] = {"_density", "_shear_modulus", "_poisson", "_solid_viscosity", "_viscosity"};
+  static const char *const OF_SOLIDS[] = {"_density", "_shear_modulus", "_poisson", "_solid_viscosity"};
   char                     name[OPT_NAME];
 
   PetscFunctionBeginUser;
   PetscCall(find_given(group, PETSC_STATIC_ARRAY_LENGTH(OF_SOLIDS), OF_SOLIDS, name));
   PetscCheck(!name[0], PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "%s: group '%s' is a membrane, which has a -particle_%s_surface_modulus and the fluid around it inside, with its density and viscosity: "
-             "remove it",
-             name, group, group);
+             "%s: group '%s' is a membrane, which has a -particle_%s_surface_modulus and inside a fluid of the density around it, with a "
+             "-particle_%s_viscosity: remove it",
+             name, group, group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -66,6 +66,7 @@ static PetscErrorCode read_membrane(SolidGroup *g)
   g->material.area = law ? g->material.mu : 0;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_area_modulus", name), &g->material.area));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_bending", name), &g->material.bending));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_viscosity", name), &g->inner_viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -322,6 +323,13 @@ PetscErrorCode SolidsGetState(Solids b, SolidsState **state)
   PetscFunctionBeginUser;
   *state = &b->s;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool SolidsHaveInnerFluid(Solids b)
+{
+  for (PetscInt g = 0; g < b->s.ngroups; g++)
+    if (b->group[g].inner_viscosity > 0) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 PetscErrorCode SolidsView(Solids b, PetscViewer viewer)

@@ -82,7 +82,7 @@ static void open_case(Case *c, const char options[], PetscBool *steady)
   c->steady = NULL;
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  if (*steady) OK(DefaultsApply(c->mesh, NULL, PETSC_FALSE, PETSC_FALSE, PETSC_TRUE, refusal, sizeof(refusal)));
+  if (*steady) OK(DefaultsApply(c->mesh, NULL, NULL, NULL, PETSC_TRUE, refusal, sizeof(refusal)));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(FlowSetSource(c->flow, manufactured_force, steady));
   OK(ConditionsSetField(FlowConditions(c->flow), manufactured_velocity, NULL));

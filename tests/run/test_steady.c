@@ -23,7 +23,7 @@ static void open_case(Case *c, const char options[])
   give(options);
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  OK(DefaultsApply(c->mesh, NULL, PETSC_FALSE, PETSC_FALSE, PETSC_TRUE, refusal, sizeof(refusal)));
+  OK(DefaultsApply(c->mesh, NULL, NULL, NULL, PETSC_TRUE, refusal, sizeof(refusal)));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
