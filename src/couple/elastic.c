@@ -120,9 +120,9 @@ static PetscErrorCode destroy(Couple c, void *data)
     PetscCall(PetscFree(p->cell));
     PetscCall(PetscFree(p->xi));
   }
-  PetscCall(PetscFree(e->volume_cell));
-  PetscCall(PetscFree(e->volume_C));
-  PetscCall(PetscFree(e->volume_g));
+  PetscCall(PetscFree(e->volumes.cell));
+  PetscCall(PetscFree(e->volumes.C));
+  PetscCall(PetscFree(e->volumes.g));
   PetscCall(PetscFree(e->contacts.list));
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -47,6 +47,12 @@ typedef struct {
   PetscBool       touched, joined; /* there were some; the matrix has entries of two solids */
 } ElasticContacts;
 
+/* Terms of continuity of own cells: C [][dim + 1][dim + 1], g [][dim + 1] */
+typedef struct {
+  PetscInt   n, capacity, *cell;
+  PetscReal *C, *g;
+} ElasticVolumes;
+
 /* What happens once in a run */
 typedef struct {
   PetscBool compared; /* sizes of cells, solids' and flow's */
@@ -79,8 +85,7 @@ typedef struct Elastic {
   PetscInt          immersed_steps;
   ElasticOnce       once;
   ElasticContacts   contacts;
-  PetscInt          nvolume, volume_capacity, *volume_cell;
-  PetscReal        *volume_C, *volume_g;
+  ElasticVolumes    volumes;
   PetscReal         supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
   PetscReal        *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
   PetscReal        *kept;     /* [solids] error of the volume that was put right at the end of the step */

@@ -85,8 +85,8 @@ static PetscReal volume_power(const Elastic *e, const PetscReal p[])
   const PetscInt nk    = e->s->dim + 1;
   PetscReal      power = 0;
 
-  for (PetscInt i = 0; i < e->nvolume; i++) {
-    const PetscReal *own = p + nk * e->volume_cell[i], *C = e->volume_C + i * nk * nk, *g = e->volume_g + i * nk;
+  for (PetscInt i = 0; i < e->volumes.n; i++) {
+    const PetscReal *own = p + nk * e->volumes.cell[i], *C = e->volumes.C + i * nk * nk, *g = e->volumes.g + i * nk;
 
     for (PetscInt j = 0; j < nk; j++) {
       power -= own[j] * g[j];

@@ -194,13 +194,13 @@ static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscI
   PetscFunctionBeginUser;
   *at = entry[cell];
   if (*at >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ArrayReserve(e->nvolume + 1, &e->volume_capacity, &e->volume_cell, sizeof(*e->volume_cell), &e->volume_C,
-                         (size_t)(nk * nk) * sizeof(*e->volume_C), &e->volume_g, (size_t)nk * sizeof(*e->volume_g),
-                         NULL));
-  *at = entry[cell]   = e->nvolume++;
-  e->volume_cell[*at] = cell;
-  PetscCall(PetscArrayzero(e->volume_C + *at * nk * nk, nk * nk));
-  PetscCall(PetscArrayzero(e->volume_g + *at * nk, nk));
+  PetscCall(ArrayReserve(e->volumes.n + 1, &e->volumes.capacity, &e->volumes.cell, sizeof(*e->volumes.cell),
+                         &e->volumes.C, (size_t)(nk * nk) * sizeof(*e->volumes.C), &e->volumes.g,
+                         (size_t)nk * sizeof(*e->volumes.g), NULL));
+  *at = entry[cell]    = e->volumes.n++;
+  e->volumes.cell[*at] = cell;
+  PetscCall(PetscArrayzero(e->volumes.C + *at * nk * nk, nk * nk));
+  PetscCall(PetscArrayzero(e->volumes.g + *at * nk, nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -237,8 +237,8 @@ static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g
     psi[1 + a] = (psi[1 + a] - xc[l->nb / 2 * dim + a]) / h[cell];
   }
   PetscCall(find_volume(e, nk, cell, entry, &at));
-  for (PetscInt i = 0; i < nk * nk; i++) e->volume_C[at * nk * nk + i] += give * psi[i / nk] * psi[i % nk];
-  for (PetscInt i = 0; i < nk; i++) e->volume_g[at * nk + i] -= w * rate * psi[i];
+  for (PetscInt i = 0; i < nk * nk; i++) e->volumes.C[at * nk * nk + i] += give * psi[i / nk] * psi[i % nk];
+  for (PetscInt i = 0; i < nk; i++) e->volumes.g[at * nk + i] -= w * rate * psi[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,7 +283,7 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
   PetscCall(ConditionsPressureIsFloating(FlowConditions(c->flow), &floating));
   if (!floating || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(l->ncell, &away));
-  for (PetscInt i = 0; i < e->nvolume; i++) sum[0] += e->volume_g[i * nk];
+  for (PetscInt i = 0; i < e->volumes.n; i++) sum[0] += e->volumes.g[i * nk];
   for (PetscInt i = 0; i < l->ncell; i++) {
     away[i] = is_away(c, i);
     sum[1] += away[i];
@@ -294,7 +294,7 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
 
     if (!away[i]) continue;
     PetscCall(find_volume(e, nk, i, entry, &at));
-    e->volume_g[at * nk] -= sum[0] / sum[1];
+    e->volumes.g[at * nk] -= sum[0] / sum[1];
   }
   PetscCall(PetscFree(away));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -306,8 +306,8 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
   PetscInt           point = 0, *entry;
 
   PetscFunctionBeginUser;
-  e->nvolume = 0;
-  *any_C     = PETSC_FALSE;
+  e->volumes.n = 0;
+  *any_C       = PETSC_FALSE;
   PetscCall(PetscMalloc1(c->loc->ncell, &entry));
   for (PetscInt i = 0; i < c->loc->ncell; i++) entry[i] = -1;
   for (PetscInt k = 0; k < s->n; k++) {
@@ -386,10 +386,10 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
                                             .compliant = is_compliant(e, c)}));
   PetscCall(assemble_volumes(e, c, &any_C));
   PetscCall(FlowAddVolume(c->flow, e,
-                          &(FlowVolume){.n     = e->nvolume,
-                                        .cell  = e->volume_cell,
-                                        .C     = any_C ? e->volume_C : NULL,
-                                        .g     = e->volume_g,
+                          &(FlowVolume){.n     = e->volumes.n,
+                                        .cell  = e->volumes.cell,
+                                        .C     = any_C ? e->volumes.C : NULL,
+                                        .g     = e->volumes.g,
                                         .any_C = any_C}));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
