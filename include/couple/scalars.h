@@ -9,10 +9,13 @@ typedef struct {
   const ScalarParameters *par;
   ScalarBalance           balance;
   PetscReal               error; /* |rest| over size */
-  PetscReal  covered;            /* heat a time that appears as bodies cover and free cells, less what is given back */
-  PetscReal *boundary;           /* [nboundary] heat a time that it lets in */
-  PetscBool *open;               /* [nboundary] has it a value or a flux? */
-  PetscReal *nusselt;            /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
+  PetscReal    covered;          /* heat a time that appears as bodies cover and free cells, less what is given back */
+  PetscReal   *boundary;         /* [nboundary] heat a time that it lets in */
+  PetscBool   *open;             /* [nboundary] has it a value or a flux? */
+  PetscInt     ngroups;
+  PetscReal   *group;      /* [ngroups] heat a time that its bodies let into the fluid */
+  const char **group_name; /* [ngroups] NULL: is it solved for inside, or a hole of the mesh? */
+  PetscReal   *nusselt;    /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
 } CoupleScalar;
 
 /* Fewest cells that the layer of a scalar has around a body of a group (scalar/layer.h), the Peclet number of that

@@ -55,7 +55,7 @@ typedef struct {
   PetscInt         n, cell;
   const PetscReal *capacity, *conductivity, *reaction, *source; /* [n^dim] */
   PetscInt         lump; /* of ScalarLumps: the reaction is towards its value, r (T - value); -1: towards 0 */
-  PetscInt         body; /* whose surface cuts the cell: ScalarsMeasureBodies */
+  PetscInt         body; /* whose surface cuts the cell */
   /* with a flux by an expression: the surface, area by volume of each sample [n^dim]; NULL: there is none */
   const ScalarSurface *surface;
   const PetscReal     *layer;
@@ -87,7 +87,7 @@ enum {
 typedef struct {
   const PetscBool *fixed;
   const PetscReal *value;
-  const PetscInt  *body; /* whose they are, where they are fixed: ScalarsMeasureBodies */
+  const PetscInt  *body; /* whose they are, where they are fixed */
 } ScalarNodes;
 
 /* Bodies with one value each, unknowns of the system: capacity (c_t T - d(T)) = source + what its nodes and samples
@@ -109,7 +109,7 @@ typedef struct {
   PetscInt             cell, side;
   PetscReal            q, h;
   const ScalarSurface *surface; /* says q; NULL: the number */
-  PetscInt             body;    /* whose surface it is: ScalarsMeasureBodies */
+  PetscInt             body;    /* whose surface it is */
 } ScalarSide;
 
 /* Of a step; heat a time, positive into the domain; sums of all ranks */
@@ -178,11 +178,10 @@ PetscErrorCode ScalarsSettle(Scalars, PetscInt *failed, KSPConvergedReason *reas
    the point theta of the step. Local. */
 PetscErrorCode ScalarsAddBuoyancy(Scalars, PetscInt s, PetscReal density, const PetscReal gravity[3],
                                   const PetscReal fluid[], PetscReal force[]);
-/* Balance of the step solved, and the heat a time that each boundary [nboundary] lets in. Collective. */
-PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[]);
-/* flux [bodies] += heat a time that bodies let into the fluid in the step solved: through their fixed nodes, by sources
-   and reactions of samples, through ScalarSides. Of this rank's cells. Local. */
-PetscErrorCode ScalarsMeasureBodies(Scalars, PetscInt s, PetscReal flux[]);
+/* Balance of the step solved, and the heat a time that each boundary [nboundary] lets in. flux [bodies] += what bodies
+   let into the fluid: through their fixed nodes, by sources and reactions of samples, through ScalarSides, of
+   ScalarLumps; of this rank's cells; NULL: not wanted. Collective. */
+PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[], PetscReal flux[]);
 /* Over local cell c in the step solved, with capacities in excess of the fluid's, c' (of a cell that is no part of the
    problem: minus the fluid's): what bodies bring into the balance. */
 typedef struct {

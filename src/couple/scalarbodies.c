@@ -13,9 +13,7 @@
 #include "scalarstart.h"
 #include "scalarweight.h"
 
-#define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
-#define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
-#define FAR     0.2  /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
+#define FAR 0.2 /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
 
 struct _p_ScalarBodies {
   PetscInt        n;        /* scalars */
@@ -28,6 +26,8 @@ struct _p_ScalarBodies {
   PetscBool       carries; /* is the mesh lined up with bodies that move? */
   ScalarCarry     carry;   /* made with the first step on a mesh */
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
+  PetscReal      *flux;    /* [nbodies] of a scalar into the fluid */
+  PetscReal      *freed;   /* [n] ScalarGrowthFreed of the step */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
   ScalarWeight weight;
   ScalarGrowth growth;
@@ -77,9 +77,10 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
   s->nodal = (PetscBool)(c->method.table == &method_nodal);
   PetscCall(ScalarCoverCreate(c->loc->dim, &s->cover));
   PetscCall(PetscCalloc1(s->n * c->s->ngroups, &s->material));
-  PetscCall(PetscCalloc1(s->n, &s->data));
+  PetscCall(PetscCalloc2(s->n, &s->data, s->n, &s->freed));
   PetscCall(ScalarHeatCreate(c, s->n, &s->heat));
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->room), (void **)&s->room));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->flux), (void **)&s->flux));
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = c->s->group + g;
 
@@ -142,9 +143,10 @@ PetscErrorCode ScalarBodiesDestroy(Couple c, ScalarBodies *bodies)
   PetscCall(ScalarWeightDestroy(c, &s->weight));
   PetscCall(ScalarGrowthDestroy(c, &s->growth));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->room));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->flux));
   for (PetscInt i = 0; i < s->n * c->s->ngroups; i++) PetscCall(ScalarMaterialForget(s->material + i));
   PetscCall(PetscFree(s->material));
-  PetscCall(PetscFree(s->data));
+  PetscCall(PetscFree2(s->data, s->freed));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -219,53 +221,6 @@ static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k
   return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
 }
 
-/* Samples of a cut cell; pool has room for 5 count numbers */
-static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
-                        const ScalarParameters *par, PetscReal scale, const ScalarSurface surface[], PetscReal *pool,
-                        ScalarSamples *out)
-{
-  const PetscInt   n = s->cover.count;
-  const PetscReal *size, *d = s->cover.distance + at->distance;
-  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n,
-            *layer = pool + 4 * n, width;
-
-  (void)FlowGetCellSize(c->flow, &size);
-  width = size[at->cell] / s->cover.nsample;
-  for (PetscInt p = 0; p < n; p++) {
-    const PetscReal chi = ScalarCoverPart(d[p], width), left = PetscMax(EMPTY, 1 - chi),
-                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi;
-
-    layer[p]        = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0;
-    capacity[p]     = m->condition == SCALAR_BODY_CONJUGATE ? scale == 1
-                                                              ? chi * m->capacity + (1 - chi) * par->capacity
-                                                              : par->capacity + scale * chi * (m->capacity - par->capacity)
-                    : m->condition == SCALAR_BODY_VALUE ? par->capacity
-                                                            : left * par->capacity;
-    conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE
-                      ? ScalarMaterialConductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
-                    : ScalarMaterialHasValue(m) ? par->conductivity
-                                                : left * par->conductivity;
-    reaction[p]     = ScalarMaterialHasValue(m)            ? sigma
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer[p]
-                                                           : chi * m->decay * m->capacity;
-    source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer[p]
-                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer[p]
-                    : m->condition == SCALAR_BODY_LUMPED   ? 0
-                                                           : chi * m->source;
-  }
-  *out = (ScalarSamples){.n            = s->cover.nsample,
-                         .cell         = at->cell,
-                         .capacity     = capacity,
-                         .conductivity = conductivity,
-                         .reaction     = reaction,
-                         .source       = source,
-                         .lump         = m->condition == SCALAR_BODY_LUMPED ? at->body : -1,
-                         .body         = at->body,
-                         .surface      = m->flux_of ? surface + at->body : NULL,
-                         .layer        = layer};
-}
-
 /* Of a cell inside as a whole */
 static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m, const ScalarParameters *par,
                        PetscReal scale, struct CellData *d)
@@ -305,18 +260,10 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+/* All is fluid */
+static void set_fluid(const MeshLocal *l, const ScalarParameters *par, struct CellData *d)
 {
-  const PetscInt          each = 5 * s->cover.count;
-  const ScalarParameters *par;
-  struct CellData        *d = s->data + i;
-  PetscInt                n = 0;
-  ScalarCells             cells;
-  ScalarNodes             nodes = {d->fixed, d->value, d->body};
-
-  PetscFunctionBeginUser;
-  PetscCall(ScalarsGetParameters(scalars, i, &par));
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
     d->capacity[e]     = par->capacity;
     d->conductivity[e] = par->conductivity;
     d->source[e]       = 0;
@@ -325,8 +272,26 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->counts[e] = SCALAR_COUNTS_ALL;
     d->fluid[e]  = SCALAR_COUNTS_ALL;
   }
-  PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
-  for (PetscInt e = 0; e < c->loc->nnode_all; e++) d->lump[e] = -1;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    d->fixed[i] = PETSC_FALSE;
+    d->lump[i]  = -1;
+  }
+}
+
+static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+{
+  const PetscInt          each = 5 * s->cover.count;
+  const ScalarParameters *par;
+  const PetscReal        *size;
+  struct CellData        *d = s->data + i;
+  PetscInt                n = 0;
+  ScalarCells             cells;
+  ScalarNodes             nodes = {d->fixed, d->value, d->body};
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(ScalarsGetParameters(scalars, i, &par));
+  set_fluid(c->loc, par, d);
   PetscCall(PetscRealloc(PetscMax(1, (size_t)c->s->n) * sizeof(*d->surface), &d->surface));
   for (PetscInt k = 0; k < c->s->n; k++) ScalarMaterialSurface(c, s->material, s->n, i, k, d->surface + k);
   for (PetscInt e = 0; e < s->cover.n; e++) n += s->cover.covered[e].distance >= 0;
@@ -344,7 +309,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (at->distance < 0 && (at->first || ScalarMaterialHasValue(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
-      set_samples(s, c, at, m, par, scale, d->surface, d->pool + (size_t)n * (size_t)each, d->samples + n);
+      ScalarMaterialSamples(m, par, &s->cover, at, size[at->cell], scale, d->surface,
+                            d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
     }
   }
@@ -532,32 +498,54 @@ static PetscErrorCode give_back(ScalarBodies s, Couple c, Scalars scalars, Petsc
 
 PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
-  PetscReal freed;
-
   PetscFunctionBeginUser;
   if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->moves && ScalarHeatKeeps(&s->heat, c, i)) PetscCall(give_back(s, c, scalars, i));
-  if (!s->carry) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarGrowthFreed(&s->growth, c, scalars, i, &freed));
-  PetscCall(ScalarCarryGiveBack(s->carry, i, s->heat.appears[i] - freed, s->data[i].source));
+  PetscCall(ScalarGrowthFreed(&s->growth, c, scalars, i, s->freed + i));
+  if (s->carry) PetscCall(ScalarCarryGiveBack(s->carry, i, s->heat.appears[i] - s->freed[i], s->data[i].source));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies s, Couple c, Scalars scalars, PetscReal covered[])
 {
-  PetscReal freed;
-
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < ScalarsCount(scalars); i++) covered[i] = 0;
   if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->moves) PetscCall(ScalarHeatMeasure(&s->heat, c, scalars, &s->cover));
   for (PetscInt i = 0; i < s->n; i++) {
     covered[i] = s->heat.covered[i];
-    PetscCall(ScalarGrowthFreed(&s->growth, c, scalars, i, &freed));
-    if (s->carry) PetscCall(ScalarCarryMeasure(s->carry, i, s->heat.appears[i] - freed, covered + i));
-    else covered[i] += freed; /* the fluid inside has had it before, and did not count */
-    PetscCall(ScalarGrowthMeasure(&s->growth, c, scalars, i, &s->heat));
+    if (s->carry) PetscCall(ScalarCarryMeasure(s->carry, i, s->heat.appears[i] - s->freed[i], covered + i));
+    else covered[i] += s->freed[i]; /* the fluid inside has had it before, and did not count */
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool ScalarBodiesLetsOut(ScalarBodies s, Couple c, PetscInt i, PetscInt g)
+{
+  return (PetscBool)(s && !c->s->group[g].body_fitted && s->material[g * s->n + i].condition != SCALAR_BODY_CONJUGATE);
+}
+
+PetscErrorCode ScalarBodiesBalance(ScalarBodies s, Couple c, Scalars scalars, PetscInt i, ScalarBalance *b,
+                                   PetscReal boundary[], PetscReal group[])
+{
+  PetscFunctionBeginUser;
+  if (!s) {
+    PetscCall(ScalarsMeasure(scalars, i, b, boundary, NULL));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscArrayzero(s->flux, c->s->n));
+  PetscCall(ScalarsMeasure(scalars, i, b, boundary, s->flux));
+  PetscCall(BodiesSumLocal(c->bodies, 1, s->flux));
+  PetscCall(PetscArrayzero(group, c->s->ngroups));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscInt g = c->s->body_group[k];
+
+    /* what it gives back is not its own */
+    if (s->moves && c->step->dt > 0 && s->heat.pays[g * s->n + i]) s->flux[k] -= s->heat.given[k * s->n + i];
+    if (c->s->own[k] && !c->s->removed[k]) group[g] += s->flux[k];
+  }
+  PetscCall(BodiesSum(c->bodies, c->s->ngroups, group));
+  if (c->step->dt > 0) ScalarGrowthMeasure(&s->growth, c, i, s->flux);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

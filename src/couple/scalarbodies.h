@@ -42,6 +42,13 @@ PetscErrorCode ScalarBodiesGiveBack(ScalarBodies, Couple, Scalars, PetscInt i);
 /* After the scalars are solved for: covered [n of scalars] heat a time that appears as bodies cover and free cells,
    with what is given back of it (scalarheat.h). Collective. */
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies, Couple, Scalars, PetscReal covered[]);
+/* Does group g let scalar i into the fluid through a surface that the program knows the flux of? All but those that are
+   solved for inside. */
+PetscBool ScalarBodiesLetsOut(ScalarBodies, Couple, PetscInt i, PetscInt g);
+/* ScalarsMeasure of scalar i, in order from 0 on, after ScalarBodiesMeasure, and what the bodies of each group let into
+   the fluid, group [ngroups]. Collective. */
+PetscErrorCode ScalarBodiesBalance(ScalarBodies, Couple, Scalars, PetscInt i, ScalarBalance *, PetscReal boundary[],
+                                   PetscReal group[]);
 /* *dt becomes no larger than bodies that change their size stand. Collective. */
 PetscErrorCode ScalarBodiesLimit(ScalarBodies, Couple, PetscReal *dt);
 /* w [nnode_all][dim] less the velocity of nodes that go along with bodies (scalarcarry.h). Local. */

@@ -20,7 +20,6 @@ PetscErrorCode ScalarGrowthCreate(Couple c, PetscInt n, const ScalarMaterial *ma
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesAttach(c->bodies, sizeof(*g->last), (void **)&g->last));
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*g->rate), (void **)&g->rate));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*g->flux), (void **)&g->flux));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -30,7 +29,6 @@ PetscErrorCode ScalarGrowthDestroy(Couple c, ScalarGrowth *g)
   if (!g->n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesDetach(c->bodies, (void **)&g->last));
   PetscCall(BodiesDetach(c->bodies, (void **)&g->rate));
-  PetscCall(BodiesDetach(c->bodies, (void **)&g->flux));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,31 +121,12 @@ PetscErrorCode ScalarGrowthFreed(const ScalarGrowth *g, Couple c, Scalars scalar
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does the size of some body go by scalar i? */
-static PetscBool counts(const ScalarGrowth *g, Couple c, PetscInt i)
+void ScalarGrowthMeasure(ScalarGrowth *g, Couple c, PetscInt i, const PetscReal flux[])
 {
-  for (PetscInt k = 0; k < c->s->ngroups; k++)
-    if (g->material[k * g->n + i].dissolves != 0) return PETSC_TRUE;
-  return PETSC_FALSE;
-}
-
-PetscErrorCode ScalarGrowthMeasure(ScalarGrowth *g, Couple c, Scalars scalars, PetscInt i, const ScalarHeat *heat)
-{
-  PetscFunctionBeginUser;
-  if (!g->n) PetscFunctionReturn(PETSC_SUCCESS);
-  if (i == 0) PetscCall(PetscArrayzero(g->rate, c->s->n));
-  if (!counts(g, c, i)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArrayzero(g->flux, c->s->n));
-  PetscCall(ScalarsMeasureBodies(scalars, i, g->flux));
-  PetscCall(BodiesSumLocal(c->bodies, 1, g->flux));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscInt at = c->s->body_group[k] * g->n + i;
-
-    if (!grows(c, k)) continue;
-    if (heat->pays[at]) g->flux[k] -= heat->given[k * g->n + i];
-    g->rate[k] -= g->material[at].dissolves * g->flux[k];
+  for (PetscInt k = 0; k < c->s->n && g->n; k++) {
+    if (i == 0) g->rate[k] = 0;
+    if (grows(c, k)) g->rate[k] -= g->material[c->s->body_group[k] * g->n + i].dissolves * flux[k];
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Removes bodies that are about to be smaller than a cell; says so of the first */

@@ -13,7 +13,6 @@
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"
-#include "scalarheat.h"
 #include "scalarmaterial.h"
 
 /* Of a body */
@@ -29,7 +28,6 @@ typedef struct {
   const ScalarMaterial *material; /* [ngroups][n] */
   BodyGrowth           *last;     /* [nbodies] */
   PetscReal            *rate;     /* [nbodies] of the step */
-  PetscReal            *flux;     /* [nbodies] of a scalar into the fluid */
   PetscBool             told;     /* that a body is gone */
 } ScalarGrowth;
 
@@ -44,8 +42,8 @@ PetscErrorCode ScalarGrowthLimit(const ScalarGrowth *, Couple, PetscReal *dt);
 PetscReal ScalarGrowthGetRate(const ScalarGrowth *, Couple, PetscInt k);
 /* Heat a time of scalar i that bodies at a value free as their size changes: it stays in the fluid. Collective. */
 PetscErrorCode ScalarGrowthFreed(const ScalarGrowth *, Couple, Scalars, PetscInt i, PetscReal *freed);
-/* Scalar i is solved for, scalars from 0 on; what bodies give back of it is not theirs to let go. Collective. */
-PetscErrorCode ScalarGrowthMeasure(ScalarGrowth *, Couple, Scalars, PetscInt i, const ScalarHeat *);
+/* Scalar i is solved for, scalars from 0 on: flux [nbodies] into the fluid. Local. */
+void ScalarGrowthMeasure(ScalarGrowth *, Couple, PetscInt i, const PetscReal flux[]);
 /* The step is taken; bodies that are gone are removed. Collective. */
 PetscErrorCode ScalarGrowthAccept(ScalarGrowth *, Couple);
 PetscErrorCode ScalarGrowthVisit(ScalarGrowth *, Couple, State);

@@ -4,6 +4,7 @@
 #include "scalar/scalar.h"
 #include "couple/couple.h"
 #include "base/expr.h"
+#include "scalarcover.h"
 
 enum {
   SCALAR_BODY_CONJUGATE,
@@ -41,10 +42,10 @@ static inline PetscBool ScalarMaterialHasValue(const ScalarMaterial *m)
 {
   return (PetscBool)(m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_LUMPED);
 }
-/* Conductivity of a sample of a cell of this size at the distance d from the surface, of which chi lies inside. A
-   function without a kink is too stiff where a body conducts better than the fluid: as if it were larger. There both
-   conduct in series over a zone around the surface, wider as they differ more, which sets the dipole right
-   (runs/studies/scalars); what conducts worse than the fluid is taken as it lies. */
-PetscReal ScalarMaterialConductivity(PetscReal inside, PetscReal fluid, PetscReal chi, PetscReal d, PetscReal size);
+/* What a cell of this size that a surface cuts is made of, `at` of cover; scale: of the capacity in excess of the
+   fluid's; surface [nbodies]. pool has room for 5 cover->count numbers, which out borrows. Local. */
+void ScalarMaterialSamples(const ScalarMaterial *, const ScalarParameters *, const ScalarCover *cover,
+                           const CoveredCell *at, PetscReal size, PetscReal scale, const ScalarSurface surface[],
+                           PetscReal *pool, ScalarSamples *out);
 /* Does the group move in time, or its surface? */
 PetscBool ScalarGroupMoves(const BodyGroup *);

@@ -167,7 +167,7 @@ static PetscErrorCode measure(Couple c, void *data)
     CoupleScalar *r = s->result + i;
     PetscReal     size;
 
-    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
+    PetscCall(ScalarBodiesBalance(s->bodies, c, s->scalars, i, &r->balance, r->boundary, r->group));
     r->covered = s->covered[i];
     size       = r->balance.size; /* where next to nothing changes, its round-off is no error */
     if (c->step->dt > 0) size = PetscMax(size, CHANGE * PetscAbsReal(r->balance.content) / c->step->dt);
@@ -303,6 +303,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   for (PetscInt i = 0; i < s->n; i++) {
     PetscCall(PetscFree(s->result[i].boundary));
     PetscCall(PetscFree(s->result[i].nusselt));
+    PetscCall(PetscFree2(s->result[i].group, s->result[i].group_name));
     PetscCall(PetscFree(s->result[i].open));
   }
   PetscCall(ScalarBodiesDestroy(c, &s->bodies));
@@ -398,6 +399,14 @@ PetscErrorCode CoupleAddScalars(Couple c)
   PetscCall(read_viscosity(c, s));
   PetscCall(refuse(c, s));
   PetscCall(ScalarBodiesCreate(c, scalars, &s->bodies));
+  for (PetscInt i = 0; i < s->n; i++) {
+    CoupleScalar *r = s->result + i;
+
+    r->ngroups = c->s->ngroups;
+    PetscCall(PetscCalloc2(r->ngroups, &r->group, r->ngroups, &r->group_name));
+    for (PetscInt g = 0; g < r->ngroups; g++)
+      r->group_name[g] = ScalarBodiesLetsOut(s->bodies, c, i, g) ? c->s->group[g].name : NULL;
+  }
   PetscCall(CoupleAddParticipant(c, &SCALARS, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

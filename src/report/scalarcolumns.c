@@ -28,6 +28,19 @@ static PetscErrorCode put_boundaries(const CoupleScalar *s, Mesh mesh, Put put, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode put_groups(const CoupleScalar *s, Put put, void *ctx)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    char name[NAME];
+
+    if (!s->group_name[g]) continue;
+    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_from_%s_%s", s->par->name, s->group_name[g]));
+    PetscCall((*put)(ctx, name, s->group[g]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode put_all(Couple couple, Mesh mesh, Put put, void *ctx)
 {
   PetscInt            n;
@@ -54,6 +67,7 @@ static PetscErrorCode put_all(Couple couple, Mesh mesh, Put put, void *ctx)
       PetscCall((*put)(ctx, name, b->effective));
     }
     PetscCall(put_boundaries(scalar + i, mesh, put, ctx));
+    PetscCall(put_groups(scalar + i, put, ctx));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

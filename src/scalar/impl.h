@@ -282,8 +282,8 @@ PetscErrorCode ScalarLumpsAssemble(Scalars, Scalar *);
 Mat ScalarGetProduct(const Scalar *);
 /* The solution is found. Collective. */
 PetscErrorCode ScalarLumpsTake(Scalars, Scalar *);
-/* Adds those that this rank counts. Local. */
-void           ScalarLumpsMeasure(Scalars, const Scalar *, ScalarBalance *);
+/* Adds those that this rank counts, and to flux [bodies] what they let into the fluid (NULL: not wanted). Local. */
+void           ScalarLumpsMeasure(Scalars, const Scalar *, ScalarBalance *, PetscReal flux[]);
 PetscErrorCode ScalarLumpsForget(Scalar *);
 
 /* extend.c: the solution at nodes in no cell of the problem. Collective. */

@@ -310,7 +310,7 @@ PetscErrorCode ScalarLumpsTake(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ScalarLumpsMeasure(Scalars all, const Scalar *s, ScalarBalance *b)
+void ScalarLumpsMeasure(Scalars all, const Scalar *s, ScalarBalance *b, PetscReal flux[])
 {
   for (PetscInt k = 0; s->lumps && k < s->lumps->n; k++) {
     const ScalarLumps *p   = s->lumps;
@@ -323,5 +323,6 @@ void ScalarLumpsMeasure(Scalars all, const Scalar *s, ScalarBalance *b)
     b->change += change;
     b->source += p->source[k];
     b->size += PetscAbsReal(change);
+    if (flux) flux[k] += p->source[k] - change;
   }
 }

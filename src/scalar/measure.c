@@ -27,9 +27,9 @@ static PetscErrorCode set_values(Scalars all, const Scalar *s, PetscInt c, Value
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* With a uniform source and a reaction; part of it with the nodal sources */
-static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal part, PetscReal source,
-                      PetscReal reaction, const Values *v, ScalarBalance *b)
+/* With a uniform source and a reaction; part of it with the nodal sources. Its T_theta. */
+static PetscReal add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal part, PetscReal source,
+                           PetscReal reaction, const Values *v, ScalarBalance *b)
 {
   const PetscReal along = ScalarConvected(dim, nb, p, &v->at);
   PetscReal       theta = 0, rate = 0, q = source;
@@ -43,6 +43,7 @@ static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal
   b->size += PetscAbsReal(p->weight * p->capacity * rate);
   b->convected += p->weight * p->capacity * along;
   b->source += p->weight * (q - reaction * theta);
+  return theta;
 }
 
 /* A point of what counts, with its part of it */
@@ -75,9 +76,9 @@ static PetscErrorCode add_outside(Scalars all, const Scalar *s, PetscInt c, cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of a cell, with a uniform source; counts: does all of it count? */
+/* Of a cell, with a uniform source; counts: does all of it count? flux [bodies]: of samples that a surface cuts */
 static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, PetscReal uniform, PetscBool counts, Values *v,
-                               ScalarBalance *b)
+                               ScalarBalance *b, PetscReal flux[])
 {
   ScalarPoints points;
 
@@ -86,13 +87,14 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, PetscRe
   for (PetscInt q = 0; q < points.n; q++) {
     const PetscReal part = points.sample ? ScalarSamplePart(s, c, q) : 1;
     ScalarPoint     p;
-    PetscReal       r = 0, source = uniform;
+    PetscReal       r = 0, source = uniform, fluid, theta;
 
     PetscCall(ScalarCellPoint(all, &points, q, &p));
     if (points.sample) ScalarSampleTerms(s, c, q, &r, &source);
     if (points.sample && points.sample->lump >= 0) r = 0;
-    r += part * v->decay * (points.sample ? s->par.capacity : p.capacity);
-    add_point(all->loc->dim, all->loc->nb, &p, part, source, r, v, b);
+    fluid = part * v->decay * (points.sample ? s->par.capacity : p.capacity);
+    theta = add_point(all->loc->dim, all->loc->nb, &p, part, source, r + fluid, v, b);
+    if (points.sample && flux) flux[points.sample->body] += p.weight * (source - r * theta);
     if (counts) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -117,7 +119,8 @@ static void add_sums(Scalars all, const Scalar *s, PetscInt c, PetscReal uniform
 }
 
 /* What is in a cell and changes there */
-static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, Values *v, ScalarBalance *b)
+static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, Values *v, ScalarBalance *b,
+                                 PetscReal flux[])
 {
   const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
   const PetscInt  counts  = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
@@ -126,7 +129,7 @@ static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, Value
   PetscFunctionBeginUser;
   if (counts >= 0) PetscCall(add_outside(all, s, c, s->cells.outside + counts, v->at.x, b));
   if (s->has_sums[c]) add_sums(all, s, c, uniform, whole, v, b);
-  else PetscCall(add_cell(all, s, c, uniform, whole, v, b));
+  else PetscCall(add_cell(all, s, c, uniform, whole, v, b, flux));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -147,9 +150,9 @@ static PetscErrorCode add_side(Scalars all, PetscInt c, PetscInt side, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Through faces of a cell on boundaries, sum [nboundary], and through other sides */
+/* Through faces of a cell on boundaries, sum [nboundary], and through sides of bodies, flux [bodies] */
 static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal sum[],
-                                PetscReal *source)
+                                PetscReal *source, PetscReal flux[])
 {
   const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
 
@@ -157,23 +160,29 @@ static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const 
   for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
     if (s->condition[all->face[i].boundary].kind == SCALAR_FLUX)
       PetscCall(add_side(all, c, all->face[i].side, s->input.face + i * nq * 2, v, sum + all->face[i].boundary));
-  for (PetscInt i = s->cell_side ? s->cell_side[c] : -1; i >= 0 && i < s->nside && s->side[i].cell == c; i++)
-    PetscCall(add_side(all, c, s->side[i].side, s->input.side + i * nq * 2, v, source));
+  for (PetscInt i = s->cell_side ? s->cell_side[c] : -1; i >= 0 && i < s->nside && s->side[i].cell == c; i++) {
+    PetscReal q = 0;
+
+    PetscCall(add_side(all, c, s->side[i].side, s->input.side + i * nq * 2, v, &q));
+    *source += q;
+    if (flux) flux[s->side[i].body] += q;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the rows of fixed nodes lack in a cell: r [nb]; *any: has it such nodes? */
-static PetscErrorCode find_missing(Scalars all, const Scalar *s, PetscInt c, PetscReal r[], PetscBool *any)
+/* What the rows of fixed nodes lack in a cell, by owner: sum [owner], the boundary or, the last, ScalarNodes, whose
+   bodies have flux [bodies] */
+static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[], PetscReal flux[])
 {
   const MeshLocal *l    = all->loc;
   const PetscInt  *node = l->cell_node + c * l->nb;
-  PetscReal        x[MESH_MAX_NB];
+  PetscBool        any  = PETSC_FALSE;
+  PetscReal        x[MESH_MAX_NB], r[MESH_MAX_NB];
   ScalarCell       cell;
 
   PetscFunctionBeginUser;
-  *any = PETSC_FALSE;
-  for (PetscInt j = 0; j < l->nb; j++) *any = (PetscBool)(*any || s->owner[node[j]] >= 0);
-  if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || s->owner[node[j]] >= 0);
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarCellSet(all, s, c, &cell));
   ScalarCellGather(l, c, 1, s->x, x);
   for (PetscInt i = 0; i < l->nb; i++) {
@@ -181,20 +190,13 @@ static PetscErrorCode find_missing(Scalars all, const Scalar *s, PetscInt c, Pet
     for (PetscInt j = 0; j < l->nb; j++) r[i] += cell.A[i * all->element.nbp + j] * x[j];
   }
   MeshCellScatter(l, c, 1, r);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt owner = s->owner[node[j]];
 
-/* The same by owner: sum [owner] +=, the boundary or, the last, ScalarNodes */
-static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[])
-{
-  const PetscInt *node = all->loc->cell_node + c * all->loc->nb;
-  PetscBool       any;
-  PetscReal       r[MESH_MAX_NB];
-
-  PetscFunctionBeginUser;
-  PetscCall(find_missing(all, s, c, r, &any));
-  for (PetscInt j = 0; j < all->loc->nb && any; j++)
-    if (s->owner[node[j]] >= 0) sum[s->owner[node[j]]] += r[j];
+    if (owner >= 0) sum[owner] += r[j];
+    /* a steady field that nothing holds at a level has such a node that is no body's */
+    if (flux && owner == all->nboundary && s->nodes.fixed[node[j]]) flux[s->nodes.body[node[j]]] += r[j];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -272,7 +274,7 @@ static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscReal sum[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscReal boundary[])
+PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscReal boundary[], PetscReal flux[])
 {
   const MeshLocal *l = all->loc;
   const Scalar    *s = all->scalar + i;
@@ -286,62 +288,16 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
 
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(set_values(all, s, c, &v));
-    PetscCall(add_sides(all, s, c, &v, sum, &b->source));
-    PetscCall(add_fixed(all, s, c, sum));
-    PetscCall(add_inside(all, s, c, &v, b));
+    PetscCall(add_sides(all, s, c, &v, sum, &b->source, flux));
+    PetscCall(add_fixed(all, s, c, sum, flux));
+    PetscCall(add_inside(all, s, c, &v, b, flux));
   }
-  ScalarLumpsMeasure(all, s, b);
+  ScalarLumpsMeasure(all, s, b, flux);
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
   PetscCall(find_extremes(all, s, b));
   PetscCall(sum_balance(all, b, sum));
   PetscCall(PetscArraycpy(boundary, sum, all->nboundary));
   PetscCall(PetscFree(sum));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Sources less reactions of the samples of a cell that a body's surface cuts */
-static PetscErrorCode add_samples(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal flux[])
-{
-  const MeshLocal *l = all->loc;
-  ScalarPoints     points;
-
-  PetscFunctionBeginUser;
-  if (!s->cells.sample || s->cells.sample[c] < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarCellPoints(all, s, c, &points));
-  for (PetscInt q = 0; q < points.n && points.sample->lump < 0; q++) {
-    ScalarPoint p;
-    PetscReal   theta = 0, r, source;
-
-    PetscCall(ScalarCellPoint(all, &points, q, &p));
-    for (PetscInt j = 0; j < l->nb; j++) theta += p.phi[j] * v->at.theta[j];
-    ScalarSampleTerms(s, c, q, &r, &source);
-    flux[points.sample->body] += p.weight * (source - r * theta);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ScalarsMeasureBodies(Scalars all, PetscInt i, PetscReal flux[])
-{
-  const MeshLocal *l  = all->loc;
-  const Scalar    *s  = all->scalar + i;
-  const PetscInt   nq = l->dim == 2 ? 3 : 9;
-
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node = l->cell_node + c * l->nb;
-    PetscReal       r[MESH_MAX_NB];
-    PetscBool       any;
-    Values          v;
-
-    if (!ScalarCellIsActive(s, c)) continue;
-    PetscCall(set_values(all, s, c, &v));
-    PetscCall(find_missing(all, s, c, r, &any));
-    for (PetscInt j = 0; j < l->nb && any; j++)
-      if (s->owner[node[j]] == all->nboundary) flux[s->nodes.body[node[j]]] += r[j];
-    PetscCall(add_samples(all, s, c, &v, flux));
-    for (PetscInt k = s->cell_side ? s->cell_side[c] : -1; k >= 0 && k < s->nside && s->side[k].cell == c; k++)
-      PetscCall(add_side(all, c, s->side[k].side, s->input.side + k * nq * 2, &v, flux + s->side[k].body));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -124,6 +124,7 @@ def test_a_body_heats_the_fluid_around_it(run, scene, tmp_path, condition, dim, 
     last = read_last(tmp_path / "out")
     whole = strength * 2 * (dim - 1) * math.pi
     assert abs(float(last["scalar_source_heat"]) / whole - 1) < most
+    assert float(last["scalar_from_heat_body"]) == pytest.approx(float(last["scalar_source_heat"]), rel=1e-10)
     assert abs(sum(float(v) for k, v in last.items() if k.startswith("scalar_flux_heat")) / whole + 1) < most
     assert float(last["scalar_error_heat"]) < 1e-8
     inside = a if method == "aligned" else a - 2.0 / cells * math.sqrt(dim)
@@ -723,3 +724,34 @@ def test_a_grain_takes_up_what_thiele_has(run, scene, tmp_path, method, plane, s
     run([scene(BALL.replace("SIDES", "\n".join(f'  gas_bc_{side}: {{value: "{value}"}}' for side in sides))), "-couple_method", method, "-output_dir", tmp_path / "ball"])
     row = read_last(tmp_path / "ball")
     assert sum(float(row[f"scalar_flux_gas_{side}"]) for side in sides) == pytest.approx(exact, rel=space)
+
+
+def in_stokes_flow(peclet):
+    """A sphere at a value in the Stokes flow of free space, on whose outer sphere of 4 radii the value is 0"""
+    r = "sqrt(x^2+y^2+z^2)"
+    flow = [f"1-0.75*(1/{r}+x^2/{r}^3)-0.25*(1/{r}^3-3*x^2/{r}^5)", *(f"0.75*x*{a}*(1/{r}^5-1/{r}^3)" for a in "yz")]
+    return f"""mesh: {{kind: ball, radius: 4, resolution: 6}}
+flow: {{density: 1, viscosity: 1, convection: false, bc_outer: {{type: inflow, velocity: {json.dumps(flow)}}}}}
+scalars: heat
+scalar: {{heat: {{conductivity: {2 / peclet}, bc_outer: {{value: 0}}}}}}
+particle:
+  groups: ball
+  ball: {{shape: circle, radius: 1, position: [0, 0, 0], free: none, heat: {{condition: value, value: 1}}}}
+sim: {{steady: true}}
+output: {{every: 0}}
+"""
+
+
+@pytest.mark.parametrize("method, most", [("aligned", 1e-3), ("penalty", 1e-2)])
+def test_a_sphere_in_a_stokes_flow_heats_it(run, scene, tmp_path, monkeypatch, method, most):
+    """Nusselt number at Peclet 1 and 10, 3.7 cells a diameter, against a spectral solution, which in free space has the series of Acrivos & Taylor"""
+    pytest.importorskip("numpy")
+    monkeypatch.syspath_prepend(str(ROOT / "runs/studies/scalars"))
+    import stokes
+
+    assert stokes.nusselt(0.1, 300) == pytest.approx(stokes.series(0.1), rel=1e-3)
+    for peclet in (1, 10):
+        run([scene(in_stokes_flow(peclet)), "-couple_method", method, "-output_dir", tmp_path / "out", "-output_overwrite"])
+        last = read_last(tmp_path / "out")
+        assert -float(last["scalar_flux_heat_outer"]) * peclet / (4 * math.pi) == pytest.approx(stokes.nusselt(peclet, 4), rel=most)
+        assert float(last["scalar_from_heat_ball"]) == pytest.approx(-float(last["scalar_flux_heat_outer"]), rel=1e-3)

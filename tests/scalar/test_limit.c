@@ -51,7 +51,7 @@ static Found take_steps(Case *c, PetscInt n, PetscReal dt, Field field)
     OK(ScalarsBeginStep(c->s, &step));
     OK(ScalarsSolve(c->s, 0, c->w, &reason));
     assert_true(reason > 0);
-    OK(ScalarsMeasure(c->s, 0, &b, boundary));
+    OK(ScalarsMeasure(c->s, 0, &b, boundary, NULL));
     OK(ScalarsAccept(c->s));
     f.beyond  = PetscMax(f.beyond, PetscMax(b.max - 1, -b.min));
     f.balance = PetscMax(f.balance, PetscAbsReal(b.residual) / b.size);

@@ -113,7 +113,7 @@ static void measure(PetscInt dim, const char more[], ScalarBalance *b)
   }
   begin(&c, 0.05);
   (void)solve(&c, w);
-  OK(ScalarsMeasure(c.s, 0, b, boundary));
+  OK(ScalarsMeasure(c.s, 0, b, boundary, NULL));
   OK(PetscFree(w));
   close_case(&c);
 }
@@ -199,7 +199,7 @@ static void step_with_sides(const char options[], PetscBool sides, PetscReal sum
   OK(ScalarsSetSides(c.s, 0, n, side));
   begin(&c, 0.1);
   T = solve(&c, NULL);
-  OK(ScalarsMeasure(c.s, 0, &b, boundary));
+  OK(ScalarsMeasure(c.s, 0, &b, boundary, NULL));
   BELOW(b.residual / b.size, 1e-12);
   sum[0] = dot(c.l->nnode, T, T);
   sum[1] = sides ? b.source : b.boundary;
@@ -251,7 +251,7 @@ static void test_lumps(void **state)
   OK(ScalarsSetLumps(c.s, 0, &lumps));
   OK(ScalarsBeginStep(c.s, &(ScalarStep){.time = dt, .dt = dt, .ct = 1 / dt, .d0 = 1 / dt, .theta = 1}));
   T = solve(&c, NULL);
-  OK(ScalarsMeasure(c.s, 0, &b, boundary));
+  OK(ScalarsMeasure(c.s, 0, &b, boundary, NULL));
   before = 1.3 * 1.5 * 0.25 + 2 * 1 - 0.5;
   NEAR(b.content, before + 0.4 * dt, 1e-11);
   BELOW(b.residual / b.size, 1e-12);

@@ -10,6 +10,7 @@ import random
 from kinds.fuzzdraws import power, some
 
 FIRST, LAST = 2001, 3000
+MORE = 2201  # from this seed on with bodies that dissolve or grow, that hold one value, that react inside, and fluxes by scalars
 ERROR = 1e-7  # of the books of a step, over the sum of their sizes
 
 
@@ -35,6 +36,21 @@ def draw_material(draw, diffusivity, s):
         return {"condition": kind, "flux": draw.choice([1, "x>0 ? 1 : 0"]) if some(draw, 0.3) else diffusivity / s.size}
     more = {"transfer": power(draw, -1, 2) * diffusivity / s.size} if kind == "transfer" else {}
     return {"condition": kind, "value": draw.choice([0, 1, 2]), **more}
+
+
+def change_material(draw, name, material, diffusivity, s):
+    """What bodies have learned since the seeds below were drawn"""
+    kind = material.get("condition", "conjugate")
+    if kind == "conjugate" and some(draw, 0.3):
+        material.pop("source", None)
+        material["decay"] = diffusivity / s.size**2 * power(draw, -1, 1)
+    elif kind == "conjugate" and some(draw, 0.4):
+        material.update(condition="lumped", initial=draw.choice([0, 1, 3]))
+        material.pop("conductivity")
+    if kind == "flux" and some(draw, 0.4):
+        material["flux"] = f"{diffusivity / s.size}*(1-{name})" + draw.choice(["", "^2", "*(x>0 ? 1 : 0)"])
+    if kind in ("value", "transfer", "flux") and some(draw, 0.4):
+        material["dissolves"] = draw.choice([-1, 1]) * s.h * s.size / (s.dt * diffusivity) * power(draw, -3, -1)
 
 
 def add_scalars(seed, scene, s):
@@ -64,6 +80,8 @@ def add_scalars(seed, scene, s):
         for scalar in scene["scalars"]:
             if some(draw, 0.8):
                 scene["particle"][name][scalar] = draw_material(draw, diffusivity, s)
+                if seed >= MORE:
+                    change_material(draw, scalar, scene["particle"][name][scalar], diffusivity, s)
 
 
 def find_buoyancy(row, scene):
