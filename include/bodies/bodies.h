@@ -242,9 +242,10 @@ PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const P
 PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
                              const PetscReal x[], PetscReal y[]);
 /* nface points of the surface of body k at X, q (NULL: the current ones), then its corners, in space: *x [*n][dim],
-   freed by the caller; nface 0: the centre alone. Local. */
+   freed by the caller; nface 0: the centre alone. *w (NULL: not wanted), freed likewise: weights of the nface points
+   that add up to its length, in space area. Local. */
 PetscErrorCode BodiesSurfacePoints(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
-                                   PetscInt *n, PetscReal **x);
+                                   PetscInt *n, PetscReal **x, PetscReal **w);
 /* Corners of body k at X, q (NULL: the current ones; ShapeGetCorners): *n their number, x [max][dim] the first `max` of
    them, in space. Local. */
 PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt max, PetscInt *n,

@@ -103,7 +103,7 @@ PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const
 }
 
 PetscErrorCode BodiesSurfacePoints(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
-                                   PetscInt *n, PetscReal **x)
+                                   PetscInt *n, PetscReal **x, PetscReal **weight)
 {
   const BodyArrays *s   = &b->state;
   const BodyGroup  *g   = &s->group[s->body_group[k]];
@@ -123,6 +123,8 @@ PetscErrorCode BodiesSurfacePoints(Bodies b, PetscInt k, const PetscReal X[], co
   if (ncorner) PetscCall(PetscArraycpy(at + nface * dim, corner, ncorner * dim));
   RotationMatrix(q ? q : s->q[k], R);
   out_of_frame(g, s->scale[k], dim, X ? X : s->x[k], R, *n, at, *x);
+  if (weight) PetscCall(PetscMalloc1(nface, weight));
+  for (PetscInt i = 0; weight && i < nface; i++) (*weight)[i] = w[i] * PetscPowRealInt(s->scale[k], (int)dim - 1);
   PetscCall(PetscFree2(at, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

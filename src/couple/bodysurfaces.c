@@ -67,7 +67,7 @@ static PetscErrorCode points(void *ctx, PetscInt k, PetscInt capacity, PetscInt 
   const BodySurfaces b = (BodySurfaces)ctx;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesSurfacePoints(b->bodies, k, b->X[k], b->q[k], capacity, m, x));
+  PetscCall(BodiesSurfacePoints(b->bodies, k, b->X[k], b->q[k], capacity, m, x, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,9 +1,25 @@
-/* CoupleDrops, curve: the interface where no mesh is lined up with it (dropregular.c) moves with the flow. */
+/* CoupleDrops, curve: where the interface is, with its images; where no mesh is lined up with it (dropregular.c) it
+   moves with the flow. */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
 #include "fem/edge.h"
 #include "fem/element.h"
+
+void DropsNearest(const PhaseInterface *f, const MeshLocal *l, const PetscReal x[], PhasePoint *p)
+{
+  const PetscReal at[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
+
+  *p = (PhasePoint){.d = PETSC_MAX_REAL / 4, .edge = -1};
+  for (DomainImages i = {0}; MeshNextImage(l, at, PETSC_MAX_REAL / 4, &i);) {
+    PhasePoint q;
+
+    PhaseInterfaceClosest(f, i.at, PetscAbsReal(p->d), &q);
+    if (q.edge < 0) continue;
+    *p = q;
+    for (PetscInt a = 0; a < 3; a++) p->y[a] -= i.shift[a];
+  }
+}
 
 static PetscErrorCode copy_curve(const PhaseCurve *from, PhaseCurve *to)
 {

@@ -12,10 +12,15 @@
 #include "drops.h"
 #include "impl.h"
 #include "penalty.h"
-#include "base/log.h"
 #include "base/opt.h"
 #include "base/sparse.h"
+#include "base/algebra.h"
+#include "base/face.h"
 #include "bodies/local.h"
+#include "fem/edge.h"
+
+#define PIECES 12  /* of an edge or along both directions of a face, where the surface of a body cuts it */
+#define POINTS 600 /* of a body's surface, in space ten times as many */
 
 /* As the owner of a body tells all ranks, numbers as reals */
 typedef struct {
@@ -31,8 +36,6 @@ typedef struct {
 
 PetscErrorCode DropsReadAngles(CoupleDrops *f, Couple c)
 {
-  PetscBool energy;
-
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(c->s->ngroups, &f->angle));
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
@@ -41,10 +44,6 @@ PetscErrorCode DropsReadAngles(CoupleDrops *f, Couple c)
     PetscCall(OptReal(OptJoin("-particle_", c->s->group[g].name, "_contact_angle", name), &f->angle[g]));
     if (f->angle[g] > 0 && c->s->group[g].count) f->meets = PETSC_TRUE;
   }
-  PetscCall(OptHas("-monitor_energy", &energy));
-  if (f->meets && energy)
-    PetscCall(LogRemark(
-      "-monitor_energy: the energy of surfaces of particles that drops wet is not counted, and the books do not close"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -70,8 +69,13 @@ static PetscErrorCode distance(void *ctx, PetscInt n, const PetscReal x[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies that are wetted, where they will be at the end of the step, on all ranks */
-static PetscErrorCode gather_bodies(const CoupleDrops *f, Couple c, WettedBodies *s)
+static PetscBool is_wetted(const CoupleDrops *f, Couple c, PetscInt k)
+{
+  return (PetscBool)(c->s->own[k] && !c->s->removed[k] && f->angle[c->s->body_group[k]] > 0);
+}
+
+/* Bodies that are wetted, where they will be at the end of the step, on all ranks; predicted here, or drawn already */
+static PetscErrorCode gather_bodies(const CoupleDrops *f, Couple c, PetscBool drawn, WettedBodies *s)
 {
   Wetted  *own;
   PetscInt n = 0;
@@ -82,10 +86,13 @@ static PetscErrorCode gather_bodies(const CoupleDrops *f, Couple c, WettedBodies
     PetscReal angle;
     Wetted   *b = own + n;
 
-    if (!c->s->own[k] || c->s->removed[k] || f->angle[c->s->body_group[k]] <= 0) continue;
+    if (!is_wetted(f, c, k)) continue;
     b->group = (PetscReal)c->s->body_group[k];
     b->scale = c->s->scale[k];
-    PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, b->X, b->q, &angle));
+    if (drawn) {
+      PetscCall(PetscArraycpy(b->X, c->rigid.X[k], 3));
+      PetscCall(PetscArraycpy(b->q, c->rigid.q[k], 4));
+    } else PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, b->X, b->q, &angle));
     n++;
   }
   PetscCall(SparseGather(BodiesComm(c->bodies), n, sizeof(*own), own, &s->n, &s->body, NULL));
@@ -113,7 +120,7 @@ PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
-  PetscCall(gather_bodies(f, c, &s));
+  PetscCall(gather_bodies(f, c, PETSC_FALSE, &s));
   if (c->loc->dim == 2) PetscCall(PhaseCurveMeet(&f->interface.curve, &solid));
   else PetscCall(PhaseSheetMeet(&f->interface.sheet, &solid)); /* of the start there is none */
   PetscCall(PetscFree(s.body));
@@ -170,6 +177,108 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
   f->met = PETSC_TRUE;
   PetscCall(PetscFree(inside));
   PetscCall(DropsSetProperties(f, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- energy ---- */
+
+/* Of something of this size, length or area, what is inside where its middle has the distance d */
+static PetscReal size_inside(PetscInt dim, PetscReal size, PetscReal d)
+{
+  const PetscReal across = dim == 2 ? size : PetscSqrtReal(size);
+
+  return size * PetscMax(0, PetscMin(1, 0.5 - d / across));
+}
+
+/* Of edge or face e of the interface, its length or area inside of bodies */
+static PetscErrorCode measure_inside(WettedBodies *s, const PhaseInterface *f, PetscInt e, PetscReal *sum)
+{
+  const PetscInt dim = s->c->loc->dim, n = dim == 2 ? PIECES : PIECES * PIECES;
+  PetscReal      x[3 * PIECES * PIECES], size[PIECES * PIECES], d[PIECES * PIECES];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal at[2] = {(PetscReal)(2 * (i % PIECES) + 1) / PIECES - 1,
+                             (PetscReal)(2 * (i / PIECES) + 1) / PIECES - 1};
+
+    if (dim == 2) {
+      PetscReal t[2];
+
+      EdgeEvaluate(f->curve.x[e], at[0], x + 2 * i, t);
+      size[i] = PetscHypotReal(t[0], t[1]) * 2 / PIECES;
+    } else {
+      FacePoint p;
+      PetscReal normal[3];
+
+      FaceEvaluate(3, (const PetscReal(*)[3])f->sheet.x[e], at, &p);
+      cross(p.t[0], p.t[1], normal);
+      PetscCall(PetscArraycpy(x + 3 * i, p.x, 3));
+      size[i] = PetscSqrtReal(dot3(normal, normal)) * 4 / n;
+    }
+  }
+  PetscCall(distance(s, n, x, d, NULL));
+  *sum = 0;
+  for (PetscInt i = 0; i < n; i++) *sum += size_inside(dim, size[i], d[i]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal tension_of(const DropsState *s, PetscInt number)
+{
+  return s->group[s->drop[DropsFind(s, number)].group].tension;
+}
+
+/* Of own body k, tension times what of its surface is in drops */
+static PetscErrorCode measure_wetted(const CoupleDrops *f, Couple c, PetscInt k, PetscReal *sum)
+{
+  const PetscInt npoint = POINTS * (c->loc->dim == 2 ? 1 : 10);
+  PetscInt       n;
+  PetscReal     *x, *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesSurfacePoints(c->bodies, k, c->rigid.X[k], c->rigid.q[k], npoint, &n, &x, &w));
+  *sum = 0;
+  for (PetscInt i = 0; i < npoint; i++) {
+    const PetscReal *middle;
+    PhasePoint       p;
+    PetscInt         number;
+
+    DropsNearest(&f->s->interface, c->loc, x + c->loc->dim * i, &p);
+    if (p.edge < 0) continue;
+    (void)PhaseInterfacePiece(&f->s->interface, p.edge, &number, &middle);
+    *sum += tension_of(f->s, number) * size_inside(c->loc->dim, w[i], p.d);
+  }
+  PetscCall(PetscFree(x));
+  PetscCall(PetscFree(w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAddWetted(CoupleDrops *f, Couple c, PetscReal *energy)
+{
+  WettedBodies s   = {.c = c, .f = f};
+  PetscReal    sum = 0, more;
+  PetscMPIInt  rank, nrank;
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
+  PetscCallMPI(MPI_Comm_size(c->comm, &nrank));
+  PetscCall(gather_bodies(f, c, PETSC_TRUE, &s));
+  for (PetscInt e = rank; e < PhaseInterfaceSize(&f->s->interface); e += nrank) {
+    const PetscReal *middle;
+    PetscInt         number;
+
+    if (!PhaseInterfacePiece(&f->s->interface, e, &number, &middle)) continue;
+    PetscCall(measure_inside(&s, &f->s->interface, e, &more));
+    sum -= tension_of(f->s, number) * more;
+  }
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (!is_wetted(f, c, k)) continue;
+    PetscCall(measure_wetted(f, c, k, &more));
+    sum -= PetscCosReal(f->angle[c->s->body_group[k]]) * more;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
+  *energy += sum;
+  PetscCall(PetscFree(s.body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -96,23 +96,14 @@ static PetscReal distance_at(const CoupleDrops *f, const MeshLocal *l, const Pet
                              PetscInt *drop)
 {
   const PhaseCurve *curve = &f->interface.curve;
-  PetscReal         best  = PETSC_MAX_REAL / 4;
+  PhasePoint        p;
 
-  for (DomainImages i = {0}; MeshNextImage(l, (PetscReal[3]){x[0], x[1], 0}, PETSC_MAX_REAL / 4, &i);) {
-    PhasePoint p;
-    PetscReal  r[2], size;
-
-    PhaseCurveClosest(curve, i.at, PetscAbsReal(best), &p);
-    if (p.edge < 0) continue;
-    best = p.d;
-    for (PetscInt a = 0; a < 2; a++) r[a] = i.at[a] - p.y[a];
-    size = PetscHypotReal(r[0], r[1]);
-    if (size > 1e-6 * l->h)
-      for (PetscInt a = 0; a < 2; a++) n[a] = r[a] / size;
-    else EdgeNormal(curve->x[p.edge], EdgeClosest(curve->x[p.edge], i.at), n);
-    *drop = curve->drop[p.edge];
-  }
-  return best;
+  DropsNearest(&f->interface, l, x, &p);
+  if (p.edge < 0) return p.d;
+  for (PetscInt a = 0; a < 2; a++) n[a] = (x[a] - p.y[a]) / PetscAbsReal(p.d);
+  if (PetscAbsReal(p.d) < 1e-6 * l->h) EdgeNormal(curve->x[p.edge], EdgeClosest(curve->x[p.edge], p.y), n);
+  *drop = curve->drop[p.edge];
+  return p.d;
 }
 
 /* Part of the inside at a distance, and its derivative without the sign */

@@ -120,7 +120,7 @@ static PetscErrorCode assemble(Couple c, void *data)
 /* Surface energy; the weight in excess of the fluid around */
 static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
-  const CoupleDrops *f = (const CoupleDrops *)data;
+  CoupleDrops *f = (CoupleDrops *)data;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < f->s->n; k++) {
@@ -131,6 +131,7 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     for (PetscInt a = 0; a < c->loc->dim; a++)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
+  PetscCall(DropsAddWetted(f, c, &w->energy));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

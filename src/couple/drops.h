@@ -70,6 +70,10 @@ PetscErrorCode DropsReadAngles(CoupleDrops *, Couple);
 PetscErrorCode DropsMeetBodies(CoupleDrops *, Couple);
 /* After bodies have been drawn: their parts of cells, in the density and in the volumes of drops. Collective. */
 PetscErrorCode DropsTakeBodies(CoupleDrops *, Couple);
+/* What the energy of surfaces is more than tension times length where bodies are wetted: less what of the interface is
+   inside of them, and tension times cosine of the angle for what of their surface is in a drop. After the solve.
+   Collective. */
+PetscErrorCode DropsAddWetted(CoupleDrops *, Couple, PetscReal *energy);
 /* After the drops. Collective. */
 PetscErrorCode DropsVisitBodies(CoupleDrops *, State);
 /* dropapart.c. And which between drops that stay apart. After DropsCloseCells. Collective. */
@@ -124,7 +128,9 @@ PetscErrorCode DropsRegularise(CoupleDrops *, Couple);
 PetscErrorCode DropsFindFractions(CoupleDrops *, Couple);
 /* Error: what the regularised form has not. Collective. */
 PetscErrorCode DropsCheckRegular(CoupleDrops *, Couple);
-/* dropcurve.c. A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
+/* dropcurve.c. Of the interface and its images, the point closest to x [dim], as seen from there. Not collective. */
+void DropsNearest(const PhaseInterface *, const MeshLocal *, const PetscReal x[], PhasePoint *);
+/* A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
 PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
 /* Of velocities u, synced, the mean over every drop: by the flux through its interface, int u_a = int x_a u.n, since
    cells near it have other fluid too. Collective. */

@@ -196,7 +196,7 @@ static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
     any = (PetscBool)(any || (f->l->period[a] > 0 && f->l->period[a] < 2 * BodiesGetRadius(f->s, k) + f->reach));
   if (any) PetscCall(is_body_fitted(f, k, &body_fitted));
   if (!any || body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesSurfacePoints(f->bodies, k, NULL, NULL, BodiesGetDisc(f->s, k) > 0 ? 0 : SURFACE, &n, &x));
+  PetscCall(BodiesSurfacePoints(f->bodies, k, NULL, NULL, BodiesGetDisc(f->s, k) > 0 ? 0 : SURFACE, &n, &x, NULL));
   PetscCall(search_images(f, k, n, x));
   if (still) {
     PetscCall(search_bodies(f, k, steady, n, x));

@@ -183,7 +183,7 @@ static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal 
     for (PetscInt a = 0; a < 3; a++) first[a] /= norm;
     cross(e, first, second);
   }
-  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x));
+  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x, NULL));
   for (PetscInt i = 0; i < (s->dim == 3 ? PLANES : 1); i++) {
     const PetscReal c = PetscCosReal(i * PETSC_PI / PLANES), w = PetscSinReal(i * PETSC_PI / PLANES);
     Rectangle       r = {.n = s->dim == 3 ? LINES_3D : LINES};
@@ -238,7 +238,7 @@ static PetscErrorCode is_lopsided(Bodies bodies, PetscInt k, const PetscReal e[3
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x));
+  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x, NULL));
   PetscCall(PetscMalloc1(n, &d));
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal across = e[0] * x[2 * i + 1] - e[1] * x[2 * i];

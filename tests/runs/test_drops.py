@@ -278,6 +278,19 @@ def test_floating_disc(run):
     assert abs(out.drops["volume_error"][-1]) < 1e-10 and max(map(abs, out.drops["volume_error"][5:])) < 1e-6
 
 
+@pytest.mark.parametrize("angle, wetted", [("90", 0), ("60", 0.5)])
+def test_floating_energy(run, angle, wetted):
+    """Energy of surfaces: the interface outside of the disc, less what of the disc is wetted times the cosine; the books close, and what contact lines take is no gain."""
+    result = run([*FLOATS, "-output_dir", "out", "-sim_steps", "4" if wetted else "1", "-sim_dt", "0.1" if wetted else "0.01", "-monitor_energy", "-particle_disc_contact_angle", f"{angle} deg"])
+    assert result.status == 0, str(result)
+    out = tumble.open(result.folder / "out")
+    if not wetted:  # flat: the width without the disc
+        assert out.series["energy"][0] == pytest.approx(0.1125 * 1.5, rel=5e-5)
+        return
+    assert out.summary["quantities"]["energy_error"] < 1e-3 and out.series["energy_scheme"][-1] > 0
+    assert out.series["energy"][0] == pytest.approx(0.1125 * (1.5 - 0.5 * math.pi * 0.25), rel=0.03)  # of a flat one in its middle
+
+
 def test_floating_ranks_and_restart(run):
     """The same on 1 and 3 ranks, and after a restart to the bit."""
     rows = []

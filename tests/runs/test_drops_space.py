@@ -236,6 +236,15 @@ def test_floating_angle(run, scene):
     assert speed[0] < speed[1] - 1e-3
 
 
+def test_floating_energy(run, scene):
+    """Energy of surfaces in the first step, in which all is flat: tension times the area outside of the ball."""
+    options = ["-particle_ball_contact_angle", "90deg", "-particle_ball_position", "0,0,0", "-sim_steps", "1", "-sim_dt", "0.01", "-monitor_energy"]
+    result = run([scene(LAYER), *FLOATS, *options, "-flow_solver", "balanced", "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    energy = read_rows(result.folder / "out" / "series.csv")[0]["energy"]
+    assert energy == pytest.approx(0.028125 * (1.5**2 - math.pi * 0.25**2), rel=2e-3)
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
