@@ -5,19 +5,26 @@
 
 #define CHUNK 256 /* points handled at a time on the stack */
 
-/* Points x [n][dim] in the frame of the shape of a body of group g and size `scale` at X, turned by R */
+/* Points x [n][dim] in the frame of the shape of a body of group g and size `scale` at X, turned by R; dim is known to
+   the compiler where it is called: it is a loop over points for registers */
+static inline void turn_points(const BodyGroup *g, PetscReal scale, const PetscInt dim, const PetscReal X[],
+                               const PetscReal R[9], PetscInt n, const PetscReal *restrict x, PetscReal *restrict y)
+{
+  const PetscReal inverse = 1 / scale, c[3] = {g->mass.centroid[0], g->mass.centroid[1], g->mass.centroid[2]};
+
+  for (PetscInt p = 0; p < n; p++) {
+    const PetscReal *xp = x + p * dim, r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
+
+    for (PetscInt a = 0; a < dim; a++)
+      y[p * dim + a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) * inverse + c[a];
+  }
+}
+
 static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9],
                        PetscInt n, const PetscReal x[], PetscReal y[])
 {
-  const PetscReal inverse = 1 / scale;
-
-  for (PetscInt p = 0; p < n; p++) {
-    const PetscReal *xp   = x + p * dim;
-    const PetscReal  r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
-
-    for (PetscInt a = 0; a < dim; a++)
-      y[p * dim + a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) * inverse + g->mass.centroid[a];
-  }
+  if (dim == 3) turn_points(g, scale, 3, X, R, n, x, y);
+  else turn_points(g, scale, 2, X, R, n, x, y);
 }
 
 /* The other way: y [n][dim] in the frame of the shape, x in space */

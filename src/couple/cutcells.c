@@ -12,6 +12,9 @@
 
 static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
+/* The 6 products in a register */
+typedef PetscReal Pairs __attribute__((vector_size(8 * sizeof(PetscReal)), aligned(sizeof(PetscReal))));
+
 struct _p_CutCells {
   Flow             flow;
   Bodies           bodies;
@@ -19,13 +22,14 @@ struct _p_CutCells {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nsample;
-  PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
-  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* by two functions */
-  PetscReal        reach; /* largest distance of a node from the centre node of its cell */
+  PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3]; /* at the samples of an axis */
+  Pairs            pair[MAX_SAMPLES];
+  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB]; /* by two functions */
+  PetscReal        reach;                             /* largest distance of a node from the centre node of its cell */
   PetscInt         ncut, cut_capacity, nmoments, moments_capacity;
   CutCell         *cut;
   PetscReal       *moments;
-  PetscReal       *x, *d; /* work: samples of a cell */
+  PetscReal       *x, *d; /* work: samples of a cell, twice, and three numbers of each */
 };
 
 /* ---- sizes of cells ---- */
@@ -172,68 +176,139 @@ static void set_samples_in_plane(CutCells p, const PetscReal xc[], PetscReal x[]
   }
 }
 
-/* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
-static void set_samples(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+/* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc. Is it a box in
+   space? */
+static PetscBool set_samples(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  PetscReal edge[3];
+  const PetscInt dim = p->loc->dim;
+  PetscReal      edge[3];
+  PetscBool      box = (PetscBool)(dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge));
 
-  if (p->loc->dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge)) set_samples_in_box(p, xc, edge, x, w);
-  else if (p->loc->dim == 3) set_samples_in_space(p, xc, x, w);
+  if (box) set_samples_in_box(p, xc, edge, x, w);
+  else if (dim == 3) set_samples_in_space(p, xc, x, w);
   else set_samples_in_plane(p, xc, x, w);
+  return box;
 }
 
 /* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest */
 static void sum_moments(CutCells p, const PetscReal w[], PetscReal m[])
 {
-  const PetscInt n = p->nsample, planes = p->loc->dim == 2 ? 1 : n, nn = NPAIR * NPAIR;
+  const PetscInt n = p->nsample, dim = p->loc->dim, planes = dim == 2 ? 1 : n, blocks = dim == 2 ? 1 : NPAIR;
+  Pairs          sum[NPAIR][NPAIR] = {{{0}}};
 
-  for (PetscInt i = 0; i < moment_count(p); i++) m[i] = 0;
   for (PetscInt z = 0; z < planes; z++) {
-    PetscReal plane[NPAIR * NPAIR] = {0};
+    Pairs plane[NPAIR] = {{0}};
 
     for (PetscInt y = 0; y < n; y++) {
-      PetscReal line[NPAIR] = {0};
+      Pairs line = {0};
 
-      for (PetscInt x = 0; x < n; x++)
-        for (PetscInt i = 0; i < NPAIR; i++) line[i] += w[(z * n + y) * n + x] * p->pair[x][i];
-      for (PetscInt j = 0; j < NPAIR; j++)
-        for (PetscInt i = 0; i < NPAIR; i++) plane[j * NPAIR + i] += p->pair[y][j] * line[i];
+      for (PetscInt x = 0; x < n; x++) line += w[(z * n + y) * n + x] * p->pair[x];
+      for (PetscInt j = 0; j < NPAIR; j++) plane[j] += p->pair[y][j] * line;
     }
-    for (PetscInt i = 0; i < nn; i++) {
-      if (p->loc->dim == 2) m[i] += plane[i];
-      else
-        for (PetscInt k = 0; k < NPAIR; k++) m[k * nn + i] += p->pair[z][k] * plane[i];
-    }
+    for (PetscInt k = 0; k < blocks; k++)
+      for (PetscInt j = 0; j < NPAIR; j++) sum[k][j] += (dim == 2 ? 1 : p->pair[z][k]) * plane[j];
   }
+  for (PetscInt e = 0; e < blocks * NPAIR * NPAIR; e++) m[e] = sum[e / (NPAIR * NPAIR)][e / NPAIR % NPAIR][e % NPAIR];
 }
 
 /* ---- parts of cells ---- */
 
+/* Rows of samples along the first axis, of octant o of a box: *n of them from sample row[] on, each `length` long */
+static void get_octant(const struct _p_CutCells *p, PetscInt o, PetscInt *n, PetscInt *length, PetscInt row[])
+{
+  const PetscInt all = p->nsample, half = all / 2;
+  PetscInt       first[3], size[3];
+
+  for (PetscInt a = 0; a < 3; a++) {
+    first[a] = (o >> a) & 1 ? half : 0;
+    size[a]  = (o >> a) & 1 ? all - half : half;
+  }
+  *n      = size[1] * size[2];
+  *length = size[0];
+  for (PetscInt r = 0; r < *n; r++) row[r] = ((first[2] + r / size[1]) * all + first[1] + r % size[1]) * all + first[0];
+}
+
+/* Distances of the samples of a box. An octant farther from the surface than `near` by that of its centre has the
+   centre's: the signed distance changes by at most the way. *outside: all octants, on the outside. */
+static PetscErrorCode measure_box(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal near,
+                                  PetscBool *outside)
+{
+  const PetscInt all = sample_count(p);
+  PetscReal     *x = p->x + 3 * all, *d = p->d + 2 * all, centre[8 * 3], dc[8], radius[8];
+  PetscInt       n, length, row[MAX_SAMPLES * MAX_SAMPLES], m = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt o = 0; o < 8; o++) {
+    PetscReal square = 0;
+
+    get_octant(p, o, &n, &length, row);
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal low = p->x[3 * row[0] + a], high = p->x[3 * (row[n - 1] + length - 1) + a];
+
+      centre[3 * o + a] = 0.5 * (low + high);
+      square += PetscSqr(0.5 * (high - low));
+    }
+    radius[o] = (1 + BOX) * PetscSqrtReal(square);
+  }
+  PetscCall(BodiesDistance(p->bodies, k, X, q, 8, centre, dc));
+  *outside = PETSC_TRUE;
+  for (PetscInt o = 0; o < 8; o++) {
+    const PetscReal far = near + radius[o];
+
+    if (dc[o] > far) continue;
+    *outside = PETSC_FALSE;
+    if (dc[o] < -far) continue;
+    get_octant(p, o, &n, &length, row);
+    for (PetscInt r = 0; r < n; r++, m += length) PetscCall(PetscArraycpy(x + 3 * m, p->x + 3 * row[r], 3 * length));
+  }
+  if (*outside) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesDistance(p->bodies, k, X, q, m, x, d));
+  for (PetscInt o = 0; o < 8; o++) {
+    const PetscBool far = (PetscBool)(PetscAbsReal(dc[o]) > near + radius[o]);
+
+    get_octant(p, o, &n, &length, row);
+    for (PetscInt r = 0; r < n; r++)
+      for (PetscInt i = 0; i < length; i++) p->d[row[r] + i] = far ? dc[o] : *d++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Weights w [n] times the part of each sample that is inside at a distance d, which falls linearly over `width`: a loop
+   for registers. Are all inside? */
+static PetscBool take_inside(PetscInt n, PetscReal width, const PetscReal *restrict d, PetscReal *restrict w)
+{
+  PetscInt64 less = 0;
+
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal part = 0.5 - d[i] / width, some = part > 0.0 ? part : 0.0, chi = some < 1.0 ? some : 1.0;
+
+    less += chi < 1.0;
+    w[i] *= chi;
+  }
+  return (PetscBool)(less == 0);
+}
+
 /* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
-   *volume 0 if none is */
+   *volume 0 if none is; m: of others */
 static PetscErrorCode cut_cell(CutCells p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4],
                                PetscReal m[], PetscBool *whole, PetscReal *volume)
 {
   const PetscInt   n = sample_count(p);
   const PetscReal *size;
   PetscReal        xc[MESH_MAX_NB * 3], *w = p->d + n, width;
+  PetscBool        outside = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(p->flow, &size));
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  set_samples(p, xc, p->x, w);
-  PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
   width   = size[cell] / p->nsample;
   *volume = 0;
-  *whole  = PETSC_TRUE;
-  for (PetscInt i = 0; i < n; i++) {
-    const PetscReal chi = PetscMin(1, PetscMax(0, 0.5 - p->d[i] / width));
-
-    if (chi < 1) *whole = PETSC_FALSE;
-    w[i] *= chi;
-    *volume += w[i];
-  }
-  sum_moments(p, w, m);
+  if (set_samples(p, xc, p->x, w) && p->nsample > 3) PetscCall(measure_box(p, k, X, q, 0.5 * width, &outside));
+  else PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
+  if (outside) PetscFunctionReturn(PETSC_SUCCESS);
+  *whole = take_inside(n, width, p->d, w);
+  for (PetscInt i = 0; i < n; i++) *volume += w[i];
+  if (*volume > 0 && !*whole) sum_moments(p, w, m);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -318,7 +393,7 @@ static PetscErrorCode take_whole_cell(CutCells p, PetscInt cell, PetscReal m[])
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  set_samples(p, xc, p->x, w);
+  (void)set_samples(p, xc, p->x, w);
   sum_moments(p, w, m);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -398,7 +473,7 @@ PetscErrorCode CutCellsCreate(Flow flow, Bodies bodies, PetscInt nsample, CutCel
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   tabulate_samples(p);
   tabulate_moments(p);
-  PetscCall(PetscMalloc2(sample_count(p) * p->loc->dim, &p->x, 2 * sample_count(p), &p->d));
+  PetscCall(PetscMalloc2(2 * sample_count(p) * p->loc->dim, &p->x, 3 * sample_count(p), &p->d));
   PetscCall(CutCellsMeasureCells(p));
   *cut_cells = p;
   PetscFunctionReturn(PETSC_SUCCESS);
