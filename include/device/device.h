@@ -30,7 +30,8 @@ typedef struct {
   DeviceCount count[DEVICE_COUNTS];
 } DeviceCounts;
 
-/* Bytes that have gone there and back; that are taken now, and at most so far (of the processor's memory alone) */
+/* Bytes that have gone there and back; that are taken now (of the processor's memory alone), and at
+   most so far: there without PETSc's vectors, on a GPU all that is in use, where kernels are counted */
 typedef struct {
   double        up, down, taken, most;
   DeviceCounts *counts; /* NULL: nobody asks; else each kernel is waited for */

@@ -15,8 +15,14 @@ HOST void count(const DeviceQueue *queue, const char *name, size_t up, size_t do
 #ifdef __CUDACC__
 int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
 {
-  (void)queue;
-  return (int)cudaMalloc(p, bytes ? bytes : 1);
+  const int error = (int)cudaMalloc(p, bytes ? bytes : 1);
+  size_t    unused, all;
+
+  /* asked for where kernels are counted alone: it takes time */
+  if (!error && queue->traffic && queue->traffic->counts && cudaMemGetInfo(&unused, &all) == cudaSuccess &&
+      (double)(all - unused) > queue->traffic->most)
+    queue->traffic->most = (double)(all - unused);
+  return error;
 }
 
 int NAME(release)(const DeviceQueue *queue, void *p)

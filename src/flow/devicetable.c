@@ -42,6 +42,8 @@ PetscErrorCode DeviceTableDestroy(OnDevice o)
                           (int)(strrchr(row->name, '_') - row->name), row->name, row->calls, row->bytes / 1e6,
                           row->seconds, row->seconds > 0 ? row->bytes / row->seconds / 1e9 : 0));
   }
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Memory there: %.3f MB at most%s\n", o->traffic.most / 1e6,
+                        strcmp(o->queue.run->name, "cpu") ? "" : ", without PETSc's vectors"));
   PetscCall(PetscFree(o->counts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

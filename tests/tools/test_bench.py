@@ -1,5 +1,6 @@
 """tools/bench: rows are appended and hold what was measured; slow builds and foreign tables are refused."""
 import csv
+import re
 import stat
 import subprocess
 import sys
@@ -18,8 +19,8 @@ quick = 1
 """
 
 
-def bench(folder, build, *args):
-    (folder / "cases.toml").write_text(CASES)
+def bench(folder, build, *args, cases=CASES):
+    (folder / "cases.toml").write_text(cases)
     command = [sys.executable, str(ROOT / "tools" / "bench"), "--cases", "cases.toml", "--results", "results.csv", "--build", str(build), *args]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
@@ -82,3 +83,14 @@ def test_committed_list_is_valid():
     assert done.returncode == 0 and "-mesh_cells 938,938" in done.stdout, done.stdout + done.stderr
     for line in done.stdout.splitlines():
         assert (ROOT / line.split("tumble ")[1].split()[0]).is_file(), line
+
+
+def test_kernels_of_a_device(program, tmp_path):
+    """--device: a row beside that without, the table of kernels and memory there an unknown."""
+    case = CASES.replace("cavity.yaml", "cavity-3d.yaml").replace('"8,8"', '"4,4,4"').replace('vary = { flow_solver = ["fast", "balanced"] }', "device = true")
+    done = bench(tmp_path, program.parent, "--quick", "--device", "emulate", cases=case)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [row["options"] for row in rows(tmp_path)] == ["mesh_cells=4,4,4", "mesh_cells=4,4,4 device=emulate"]
+    assert {"| kernel ", "| multiply ", "| smooth_rows ", "| upload "} <= {line[: line.find("|", 1)] for line in done.stdout.splitlines()}
+    each = re.search(r"^(\d+) bytes an unknown there, without PETSc's vectors$", done.stdout, re.M)
+    assert 100 < int(each[1]) < 1000

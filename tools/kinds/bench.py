@@ -9,10 +9,12 @@
 The first step of a run is not counted; a row holds the median over the others and their spread (from the first to the third
 quartile). Bandwidth (STREAM triad, on one rank alone and on all at once) and one product with the velocity matrix (a "sweep")
 are measured in the same run, so that the cost in sweeps means something on another machine. A build without optimisation is refused.
+With --device, three steps more give a table of the kernels (-device_table) and the memory there an unknown.
 """
 
 import itertools
 import os
+import re
 import statistics
 import sys
 import tempfile
@@ -128,6 +130,18 @@ def evaluate(name, case, options, run):
     }
 
 
+def print_kernels(case, options, args, folder):
+    """Of steps of their own, whose kernels are waited for: the kernels by what they move, and memory there an unknown."""
+    run = run_scene(ROOT / case["scene"], {**options, "sim_steps": "3", "output_every": "0", "device_table": None}, 1, folder, args.build, args.limit)
+    rows = [line for line in run.out.splitlines() if line.startswith("| ")]
+    if not run.summary or not rows:
+        print(f"bench: no table of kernels: {run.ended}: {run.message}")
+        return 1
+    megabytes, note = re.search(r"^Memory there: (\S+) MB at most(.*)", run.out, re.M).groups()
+    print("\n" + "\n".join(rows) + f"\n\n{1e6 * float(megabytes) / run.summary['unknowns']:.0f} bytes an unknown there{note}\n", flush=True)
+    return 0
+
+
 SHOWN = "case,options,ranks,cells,unknowns,bodies,nse_s,force_s,particle_s,total_s,spread,unknowns_per_s,bytes_per_unknown,outer_mean,triad_all_gbs,sweeps_per_step,kb_per_cell".split(",")
 
 
@@ -166,4 +180,6 @@ def main():
             row = {**evaluate(name, case, options, run), "load": f"{load:.2f}"}
             append_row(args.results, COLUMNS, row)
             print(" ".join(f"{row[key]:>12}" for key in ("case", "ranks", "unknowns", "total_s", "spread", "sweeps_per_step", "outer_mean")) + "  " + row["options"], flush=True)
+            if "device" in options:
+                failed += print_kernels(case, options, args, Path(folder) / "kernels")
     return 1 if failed else 0
