@@ -73,5 +73,10 @@ PetscErrorCode SolidsAccept(Solids, PetscReal dt, const PetscReal x[], const Pet
 /* A step without flow under this gravity [dim]: Newton's method, bdf2 (the first step implicit Euler). Collective.
    Error: Newton's method fails. */
 PetscErrorCode SolidsAdvance(Solids, PetscReal dt, const PetscReal gravity[]);
+/* Positions x [nnode][dim] of the nodes of solid k, predicted for the end of a step dt, become those that it would take
+   by itself from there: density M (x' - x)/dt^2 + f(x') = 0, nearly (three steps of Newton's method); where that fails
+   they stay. What turns as a rigid body is predicted with a strain that is not there; linearised about that a stiff
+   solid is unstable. Not for membranes. Not collective. */
+PetscErrorCode SolidsRelax(Solids, PetscInt k, PetscReal dt, PetscReal x[]);
 /* StateVisit of Solids. */
 PetscErrorCode SolidsVisitState(void *solids, State);

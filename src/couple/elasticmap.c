@@ -7,9 +7,10 @@
 #include "base/log.h"
 #include "fem/element.h"
 
-#define OUTSIDE 0.02 /* of a half-width: so far out of the domain a node may be */
-#define BEYOND  0.8  /* likewise, out of the cells of its solid */
-#define SMALLER 0.95 /* cells of the flow: so small at most a solid's are to be */
+#define OUTSIDE  0.02 /* of a half-width: so far out of the domain a node may be */
+#define BEYOND   0.8  /* likewise, out of the cells of its solid */
+#define STRAINED 0.1  /* stiffness of a step over the viscosity, times a strain that is not there */
+#define SMALLER  0.95 /* cells of the flow: so small at most a solid's are to be */
 
 /* Of a point: how deep in a cell it is, and on which rank, as MPI has it */
 typedef struct {
@@ -243,6 +244,27 @@ static PetscErrorCode start_with_flow(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Is the strain with which solid k is predicted as it turns, the square of the angle, so much for its stiffness that
+   the force of it drives the next step? Held ones cannot go round. */
+static PetscBool is_strained(const Elastic *e, Couple c, PetscInt k)
+{
+  const SolidsState *s   = e->s;
+  const SolidGroup  *g   = s->group + s->group_of[k];
+  const PetscReal   *u   = s->u + s->dim * s->first[k];
+  PetscReal          far = 0, mean[3];
+
+  if (g->membrane || g->nclamped) return PETSC_FALSE;
+  SolidMeanVelocity(&g->mesh, s->x + s->dim * s->first[k], u, mean);
+  for (PetscInt i = 0; i < g->mesh.nnode; i++) {
+    PetscReal v2 = 0;
+
+    for (PetscInt a = 0; a < s->dim; a++) v2 += PetscSqr(u[s->dim * i + a] - mean[a]);
+    far = PetscMax(far, v2);
+  }
+  return (PetscBool)(g->stiffness * c->step->dt / c->par->viscosity * far * PetscSqr(c->step->dt / g->mesh.radius) >
+                     STRAINED);
+}
+
 PetscErrorCode ElasticPredict(Elastic *e, Couple c)
 {
   const SolidsState *s    = e->s;
@@ -255,5 +277,7 @@ PetscErrorCode ElasticPredict(Elastic *e, Couple c)
     e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
     e->x[i] = e->a[i] + (s->u[i] + ratio * (s->u[i] - s->u_old[i])) / step->ct;
   }
+  for (PetscInt k = 0; k < s->n; k++)
+    if (is_strained(e, c, k)) PetscCall(SolidsRelax(e->solids, k, 1 / step->ct, e->x + s->dim * s->first[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,11 +1,13 @@
 /* Solids, alone: steps without a flow. Newton's method for M (c_t u - d) + f(x) = M g with x = a + b dt u: bdf2 with
-   variable steps, the first one implicit Euler. A sparse direct solver, on every rank the same. */
+   variable steps, the first one implicit Euler. A sparse direct solver, on every rank the same. Positions are relaxed
+   with d = a = 0 and few steps. */
 #include "compat.h"
 #include "impl.h"
 
 #define MAX_IT  60
 #define TOL     1e-10 /* of a correction, in sizes of the solid */
 #define LONGEST 0.05  /* correction of a position, likewise */
+#define RELAX   3     /* steps of Newton's method */
 
 /* Coefficients of the step: du/dt = ct u - d0 u^n - d1 u^(n-1), x = a0 x^n + a1 x^(n-1) + bdt u */
 typedef struct {
@@ -97,34 +99,65 @@ static PetscErrorCode assemble(const SolidGroup *g, const Scheme *s, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A step of Newton's method for x [nnode][dim] of solid k; the largest correction, not a number: there is none */
+static PetscErrorCode correct(Solids b, PetscInt k, const Scheme *s, const PetscReal gravity[], const PetscReal a[],
+                              const PetscReal d[], PetscReal x[], PetscReal *size)
+{
+  const SolidGroup *g = b->group + b->group_of[k];
+  SolidNewton      *w = b->newton + k;
+  const PetscReal  *step;
+  PetscReal         fraction;
+
+  PetscFunctionBeginUser;
+  if (!w->ksp) PetscCall(create_newton(&g->mesh, w));
+  PetscCall(assemble(g, s, gravity, x, a, d, w));
+  PetscCall(KSPSetOperators(w->ksp, w->J, w->J));
+  PetscCall(KSPSolve(w->ksp, w->r, w->d));
+  PetscCall(VecNorm(w->d, NORM_INFINITY, size));
+  if (PetscIsInfOrNanReal(*size)) PetscFunctionReturn(PETSC_SUCCESS);
+  fraction = PetscMin(1, LONGEST * g->mesh.radius / PetscMax(*size, PETSC_SMALL * g->mesh.radius));
+  PetscCall(VecGetArrayRead(w->d, &step));
+  for (PetscInt e = 0; e < g->mesh.nnode * g->mesh.dim; e++) x[e] += fraction * step[e];
+  PetscCall(VecRestoreArrayRead(w->d, &step));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* x [nnode][dim] of solid k becomes that of the end of the step */
 static PetscErrorCode solve(Solids b, PetscInt k, const Scheme *s, const PetscReal gravity[], const PetscReal a[],
                             const PetscReal d[], PetscReal x[])
 {
   const SolidGroup *g    = b->group + b->group_of[k];
-  SolidNewton      *w    = b->newton + k;
-  const PetscInt    n    = g->mesh.nnode * g->mesh.dim;
   PetscReal         size = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
-  if (!w->ksp) PetscCall(create_newton(&g->mesh, w));
   for (PetscInt it = 0; it < MAX_IT && size > TOL * g->mesh.radius; it++) {
-    const PetscReal *step;
-    PetscReal        fraction;
-
-    PetscCall(assemble(g, s, gravity, x, a, d, w));
-    PetscCall(KSPSetOperators(w->ksp, w->J, w->J));
-    PetscCall(KSPSolve(w->ksp, w->r, w->d));
-    PetscCall(VecNorm(w->d, NORM_INFINITY, &size));
+    PetscCall(correct(b, k, s, gravity, a, d, x, &size));
     if (PetscIsInfOrNanReal(size)) break;
-    fraction = PetscMin(1, LONGEST * g->mesh.radius / PetscMax(size, PETSC_SMALL * g->mesh.radius));
-    PetscCall(VecGetArrayRead(w->d, &step));
-    for (PetscInt e = 0; e < n; e++) x[e] += fraction * step[e];
-    PetscCall(VecRestoreArrayRead(w->d, &step));
   }
   PetscCheck(size <= TOL * g->mesh.radius, b->comm, PETSC_ERR_NOT_CONVERGED,
              "The elastic solid of group '%s' has no equilibrium that Newton's method finds in %d iterations: lower -sim_dt (%g), or the load",
              g->name, MAX_IT, (double)s->bdt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsRelax(Solids b, PetscInt k, PetscReal dt, PetscReal x[])
+{
+  static const PetscReal none[3] = {0, 0, 0};
+  const Scheme           sc      = {.ct = 1 / dt, .bdt = dt};
+  const PetscInt         n       = b->s.dim * (b->first[k + 1] - b->first[k]);
+  PetscReal             *from, *zero, *to, size = 0;
+
+  PetscFunctionBeginUser;
+  if (!b->newton) PetscCall(PetscCalloc1(b->s.n, &b->newton));
+  PetscCall(PetscMalloc2(n, &from, n, &to));
+  PetscCall(PetscCalloc1(n, &zero));
+  PetscCall(PetscArraycpy(from, x, n));
+  PetscCall(PetscArraycpy(to, x, n));
+  for (PetscInt it = 0; it < RELAX && !PetscIsInfOrNanReal(size); it++)
+    PetscCall(correct(b, k, &sc, none, from, zero, to, &size));
+  if (!PetscIsInfOrNanReal(size)) PetscCall(PetscArraycpy(x, to, n));
+  PetscCall(PetscFree2(from, to));
+  PetscCall(PetscFree(zero));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
