@@ -38,8 +38,8 @@ PetscErrorCode DropsCheckRegular(CoupleDrops *f, Couple c)
   else if (DropsWet(f->s)) what = "walls that drops wet (_contact_angle)";
   PetscCheck(!what, c->comm, PETSC_ERR_SUP, "-couple_drops regularised has no %s: give -couple_drops aligned", what);
   PetscCall(LogRemark(
-    "-couple_drops regularised: with 20 cells across a bubble is .5 %% off in shape and speed (with 10, 1 %%), but nothing comes to rest: where tension "
-    "rules, currents of .2 to 3 %% of tension over viscosity stay, the more the lighter a drop is, with any cells (-couple_drops aligned: 1e-6)"));
+    "-couple_drops regularised: a bubble of 10 cells across is within 1 %% in shape and speed, but nothing comes to rest: where tension rules, currents of "
+    ".02 to 3 %% of tension over viscosity stay, the more the lighter a drop is, with any cells (-couple_drops aligned: 1e-6)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
