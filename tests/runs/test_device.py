@@ -187,6 +187,21 @@ def test_ranks(run, tmp_path, ranks, bodied):
         assert apart(*motion, ["force_x", "force_y", "force_z"]) <= 1e-9
 
 
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_mesh_follows_on_ranks(run, tmp_path, ranks):
+    """The same over changes of the mesh: bodies and cells that come to other ranks are there on their devices."""
+    scene = tmp_path / "followed.yaml"
+    scene.write_text(FOLLOWED)
+    results = [run([scene, *TIGHT, "-sim_steps", 4, "-device", DEVICE, "-output_dir", "out", "-output_overwrite"], ranks=n, timeout=300) for n in (1, ranks)]
+    flow, motion = [series(result) for result in results], [bodies(result) for result in results]
+    changes = [json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]["mesh_changes"] for result in results]
+    assert changes[0] == changes[1] >= 2
+    assert_iterations(flow[1], flow[0], 3)
+    assert apart(*flow, ["kinetic_energy"]) <= 1e-10
+    assert apart(*motion, "uvw") <= 1e-10
+    assert apart(*motion, ["force_x", "force_y", "force_z"]) <= 1e-9
+
+
 @pytest.mark.skipif(DEVICE != "emulate", reason="counts what the emulation's memory is given")
 @pytest.mark.parametrize("convection", ["true", "false"])
 def test_no_field_crosses(run, monkeypatch, convection):
