@@ -1,7 +1,9 @@
 /* CoupleDrops, mesh: the interface predicted, the mesh lined up with it, who is who. */
 #include "compat.h"
 #include "drops.h"
+#include "feet.h"
 #include "impl.h"
+#include "scalarphases.h"
 #include "base/array.h"
 
 #define SHIFT      0.02 /* of the smallest cell: the most that the volume moves the interface in a step, */
@@ -79,14 +81,11 @@ PetscErrorCode DropsGather(CoupleDrops *f, Couple c, const PetscInt cell_drop[],
 /* f->way: displacement of the fluid in this step */
 static PetscErrorCode find_way(CoupleDrops *f, Couple c)
 {
-  const FlowStep *s = c->step;
-  const PetscReal r = f->first_order || s->dt_old <= 0 ? 0 : 0.5 * s->dt / s->dt_old;
-  PetscReal      *u, *u_old;
+  const PetscInt n = c->loc->dim * c->loc->nnode_all;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++)
-    f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
+  PetscCall(FeetPredict(c->flow, c->step, f->first_order, n, f->way));
+  for (PetscInt i = 0; i < n; i++) f->way[i] += f->corr[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -198,17 +197,23 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
 
 PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
 {
+  PetscInt *phase;
+
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->loc->ncell_all, &phase));
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
     const PetscInt   k = DropsFind(f->s, f->cell_drop[e]);
     const DropGroup *g = k < 0 ? NULL : f->s->group + f->s->drop[k].group;
 
+    phase[e]      = g ? f->s->drop[k].group : -1;
     f->density[e] = g ? g->density : c->par->density;
     if (f->fraction) f->density[e] = c->par->density + f->fraction[e] * (f->density[e] - c->par->density);
     f->viscosity[e] = g && g->viscosity > 0 ? g->viscosity : c->par->viscosity;
     if (f->regular) f->viscosity[e] = c->par->viscosity + f->fraction[e] * (f->viscosity[e] - c->par->viscosity);
   }
   PetscCall(FlowSetProperties(c->flow, f->density, f->viscosity));
+  PetscCall(CoupleSetPhases(c, phase, NULL, NULL));
+  PetscCall(PetscFree(phase));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -300,8 +305,7 @@ PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
                                                                .ncarried = n,
                                                                .carried  = node,
                                                                .value    = value}));
-  PetscCall(PetscFree(node));
-  PetscCall(PetscFree(value));
+  PetscCall(PetscFree2(node, value));
   ConstraintMoveNodes(c->constraint);
   PetscCall(name_drops(f, c));
   PetscCall(DropsSetProperties(f, c));

@@ -34,6 +34,7 @@ PetscErrorCode DropsCheckRegular(CoupleDrops *f, Couple c)
   if (c->loc->dim == 3) what = "drops in space";
   else if (c->s->nall) what = "rigid bodies beside drops";
   else if (c->loc->hang) what = "cells of several sizes";
+  else if (c->scalars) what = "scalars (-scalars)";
   else if (DropsMayStayApart(f->s)) what = "drops that stay apart (_coalescence, _film, _drainage)";
   else if (DropsWet(f->s)) what = "walls that drops wet (_contact_angle)";
   PetscCheck(!what, c->comm, PETSC_ERR_SUP, "-couple_drops regularised has no %s: give -couple_drops aligned", what);
@@ -60,8 +61,7 @@ static PetscErrorCode take_feet(CoupleDrops *f, Couple c)
     for (PetscInt e = 0; e < n; e++) PetscCall(PetscArraycpy(u[k] + dim * node[e], value + dim * (2 * e + k), dim));
     PetscCall(MeshSyncNodes(c->mesh, dim, u[k]));
   }
-  PetscCall(PetscFree(node));
-  PetscCall(PetscFree(value));
+  PetscCall(PetscFree2(node, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
+#include "scalarphases.h"
 #include "base/opt.h"
 #include "couple/participant.h"
 #include <strings.h>
@@ -281,6 +282,20 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .view         = view,
                                         .destroy      = destroy};
 
+/* Scalars know the groups as materials */
+static PetscErrorCode add_phases(const CoupleDrops *f, Couple c)
+{
+  ScalarPhase *phase;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(f->s->ngroups, &phase));
+  for (PetscInt g = 0; g < f->s->ngroups; g++)
+    phase[g] = (ScalarPhase){.name = f->s->group[g].name, .density = f->s->group[g].density};
+  PetscCall(CoupleAddPhases(c, f->s->ngroups, phase));
+  PetscCall(PetscFree(phase));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
 {
   static const char *const FORMS[] = {"aligned", "regularised", NULL};
@@ -307,8 +322,8 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
   PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
              "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);
-  PetscCheck(!c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
-             "Drops next to elastic particles or scalars are not possible yet: give each its own scene");
+  PetscCheck(!c->elastic, c->comm, PETSC_ERR_SUP,
+             "Drops next to elastic particles are not possible yet: give each its own scene");
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
   PetscCall(PetscNew(&f));
   f->drops = drops;
@@ -316,6 +331,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(DropsReadAngles(f, c));
   f->regular = (PetscBool)form;
   if (f->regular) PetscCall(DropsCheckRegular(f, c));
+  PetscCall(add_phases(f, c));
   for (PetscInt a = 0; a < c->loc->dim; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
   PetscCall(PhaseSurfacesCreate(c->loc->dim, PetscSqrtReal(size), &f->surfaces));
   PetscCall(CoupleAddParticipant(c, &DROPS, f));

@@ -160,7 +160,7 @@ PetscErrorCode DropsCheckStart(CoupleDrops *, Couple, PetscInt parts, const Pets
    many there are. Collective. */
 PetscErrorCode DropsFindParts(Couple, const PetscInt cell_surface[], PetscInt part[], PetscInt *n);
 /* dropfeet.c. Old velocities for the nodes of result, which are moved by the caller: node [*n], value [*n][2][dim], the
-   caller's to free, and the velocity of the nodes. Collective. */
+   caller's to free (PetscFree2), and the velocity of the nodes. Collective. */
 PetscErrorCode DropsCarry(CoupleDrops *, Couple, PetscInt *n, PetscInt *node[], PetscReal *value[]);
 /* droptension.c. Matrix and force of the surface tension, given to the flow. */
 PetscErrorCode DropsAssemble(CoupleDrops *, Couple);

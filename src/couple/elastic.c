@@ -43,6 +43,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree(e->viscosity));
   PetscCall(ElasticInertiaDestroy(&e->inertia));
   PetscCall(ElasticAlignDestroy(&e->align));
+  PetscCall(PetscFree3(e->carried.way, e->carried.shift, e->carried.velocity));
   PetscCall(ElasticAleDestroy(&e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -72,6 +73,9 @@ static PetscErrorCode set_properties(Elastic *e, Couple c)
 static PetscErrorCode make_aligned(Elastic *e, Couple c, Mesh *old)
 {
   PetscFunctionBeginUser;
+  PetscCheck(!old || !c->scalars, c->comm, PETSC_ERR_SUP,
+             "-scalars with elastic particles on a mesh whose cells are rebuilt: nodes that go along with solids are not known on a new mesh: "
+             "remove -mesh_track and -mesh_adapt");
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
   PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
@@ -80,6 +84,7 @@ static PetscErrorCode make_aligned(Elastic *e, Couple c, Mesh *old)
     PetscCall(ElasticAlignAfterRemesh(e->align, &e->left, old));
     PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
   }
+  PetscCall(ElasticCarryScalars(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -209,8 +214,10 @@ static PetscErrorCode prepare(Couple c, void *data)
   PetscFunctionBeginUser;
   if (e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
   if (e->align && e->anchored && !e->ale) PetscCall(begin_anchored(e, c));
+  PetscCall(ElasticStartPhases(e, c));
   if (e->ale) PetscCall(ElasticAleUpdate(e->ale, c->step, e->x));
   else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+  PetscCall(ElasticSetPhases(e, c, e->x));
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
   PetscCall(ElasticFindContacts(e, c));
@@ -391,6 +398,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   if (StateIsLoading(state) && e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
   if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ElasticAlignVisitState(e->align, state));
+  if (e->carried.shift) PetscCall(StateNodes(state, "elastic_shift", c->loc->dim, e->carried.shift));
   if (StateIsLoading(state)) {
     PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
     PetscCall(set_properties(e, c));
@@ -444,10 +452,6 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
     PetscCheck(!s->group[g].compressible || !strcmp(kind, "direct"), c->comm, PETSC_ERR_SUP,
                "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct",
                s->group[g].name);
-  PetscCheck(!c->scalars, c->comm, PETSC_ERR_SUP,
-             "-scalars in a flow with elastic solids: what they carry as they move is not in the balance: remove -scalars, or set "
-             "-particle_%s_material rigid and hold it (-particle_%s_free none)",
-             s->group[0].name, s->group[0].name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -523,6 +527,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(SolidsGetState(solids, &e->s));
   PetscCall(check_solver(c, e->s));
   PetscCall(choose_method(e, c));
+  PetscCall(ElasticAddPhases(e, c));
   n = e->s->nnode * e->s->dim;
   PetscCall(PetscCalloc7(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
                          &e->change, e->s->n, &e->kept));

@@ -60,6 +60,13 @@ typedef struct {
   PetscBool started;  /* velocities of the first step are those of the flow */
 } ElasticOnce;
 
+/* Where the mesh is lined up with solids in every step, how nodes move for scalars (feet.h), [nnode_all][dim] each;
+   NULL: there are none */
+typedef struct {
+  Couple     c;
+  PetscReal *way, *shift, *velocity;
+} ElasticCarried;
+
 typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
@@ -81,6 +88,7 @@ typedef struct Elastic {
   ElasticInertia    inertia;         /* of solids that the mesh follows */
   ElasticAle        ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
   PetscBool         anchored;
+  ElasticCarried    carried;
   ElasticLabels     labels; /* of this step, if there is one */
   PetscInt          immersed_steps;
   ElasticOnce       once;
@@ -121,3 +129,12 @@ PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);
 PetscErrorCode ElasticLimitStep(const Elastic *, Couple, PetscReal *dt);
 PetscErrorCode ElasticCheckStep(const Elastic *, Couple);
 PetscErrorCode ElasticOverstep(const Elastic *, Couple, PetscReal *ratio);
+/* elasticscalars.c. Scalars know solids as materials; without scalars nothing happens. All collective. Errors: of
+   CoupleAddPhases. Once: */
+PetscErrorCode ElasticAddPhases(Elastic *, Couple);
+/* On every mesh: scalars go along with its nodes */
+PetscErrorCode ElasticCarryScalars(Elastic *, Couple);
+/* They begin, if they have not, with solids where they start */
+PetscErrorCode ElasticStartPhases(Elastic *, Couple);
+/* Which cells, and parts of cells, are solids with their nodes at x */
+PetscErrorCode ElasticSetPhases(Elastic *, Couple, const PetscReal x[]);

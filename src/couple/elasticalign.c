@@ -18,6 +18,8 @@ struct _p_ElasticAlign {
   const MeshLocal   *loc;
   const SolidsState *s;
   ElasticSurfaces    surfaces;
+  ElasticCarry       carry; /* or NULL, with */
+  void              *ctx;
   Align              align;
   Remap              remap;
   AlignResult        result;
@@ -61,6 +63,14 @@ PetscErrorCode ElasticAlignHold(ElasticAlign f, const PetscBool held[])
 {
   PetscFunctionBeginUser;
   PetscCall(AlignHold(f->align, held));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignSetCarry(ElasticAlign f, ElasticCarry carry, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->carry = carry;
+  f->ctx   = ctx;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -168,6 +178,7 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
   f->targets.n = 0;
   PetscCall(MeshUpdateBegin(f->mesh_update, r->ncell, r->cell, &any));
   if (any || f->kept_mesh) PetscCall(carry_over(f));
+  if (f->carry) PetscCall((*f->carry)(f->ctx, f->remap, r));
   PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
                                                                .node     = r->node,
                                                                .x        = r->x,

@@ -24,6 +24,9 @@ typedef struct {
 /* The surfaces, of the same solids, are borrowed: every update sets them. Collective. Errors: a matrix-free
    operator. */
 PetscErrorCode ElasticAlignCreate(Flow, MeshUpdate, const SolidsState *, ElasticSurfaces, ElasticAlign *);
+/* For who has nodal fields to carry to the new mesh, while nodes are where they were. Collective. */
+typedef PetscErrorCode (*ElasticCarry)(void *ctx, Remap, const AlignResult *);
+PetscErrorCode ElasticAlignSetCarry(ElasticAlign, ElasticCarry, void *ctx);
 /* Nodes [nnode_all] that stay where they are, of rigid bodies (AlignHold). Before the first update. */
 PetscErrorCode ElasticAlignHold(ElasticAlign, const PetscBool held[]);
 PetscErrorCode ElasticAlignDestroy(ElasticAlign *);

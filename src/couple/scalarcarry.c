@@ -3,7 +3,9 @@
 #include "impl.h"
 #include "aligned.h"
 #include "cutcells.h"
+#include "scalarbooks.h"
 #include "scalarcarry.h"
+#include "scalarfields.h"
 #include "scalarshift.h"
 #include "base/algebra.h"
 
@@ -11,25 +13,19 @@
 #define NEAR  1e-6 /* cells: nearer than that is on the surface */
 #define CHUNK 256
 
-/* Heat of a scalar: of the last two steps, are they known; what has appeared and was not given back; both after the
-   step; what is given back a time */
-typedef struct {
-  PetscReal have, content, content_old, owed, next_content, next_owed, given;
-} Books;
-
 struct _p_ScalarCarry {
-  Books     *books; /* [number of scalars] */
-  PetscReal *V;     /* [nnode_all][dim] velocity of nodes */
-  Couple     c;
-  Scalars    scalars;
-  PetscReal *P1, *P2; /* [nnode_all][dim] */
-  PetscReal *x, *y;   /* [nnode_all][dim] where nodes will be, and where they were */
-  PetscReal *shift;   /* [nnode_all][dim] of the mesh to come */
-  PetscReal *shift_old;
-  PetscReal  reach;    /* of a cell */
-  PetscReal *weight;   /* [nnode_all] sum of those of bodies */
-  PetscBool *boundary; /* [nnode_all] */
-  PetscInt  *inside;   /* [nnode_all] is it in no cell of the fluid? */
+  ScalarBooks books;
+  PetscReal  *V; /* [nnode_all][dim] velocity of nodes */
+  Couple      c;
+  Scalars     scalars;
+  PetscReal  *P1, *P2; /* [nnode_all][dim] */
+  PetscReal  *x, *y;   /* [nnode_all][dim] where nodes will be, and where they were */
+  PetscReal  *shift;   /* [nnode_all][dim] of the mesh to come */
+  PetscReal  *shift_old;
+  PetscReal   reach;    /* of a cell */
+  PetscReal  *weight;   /* [nnode_all] sum of those of bodies */
+  PetscBool  *boundary; /* [nnode_all] */
+  PetscInt   *inside;   /* [nnode_all] is it in no cell of the fluid? */
 };
 
 /* ---- where nodes were ---- */
@@ -133,42 +129,34 @@ static PetscReal gradient_between(ScalarCarry s, PetscInt i, PetscInt k)
 }
 
 /* The fields, of dim components each: P1, P2, then T and T_old of each scalar */
-static PetscErrorCode pack_fields(ScalarCarry s, PetscInt nfield, PetscReal *field[])
+static PetscErrorCode pack_fields(ScalarCarry s, PetscReal *field[])
 {
-  const PetscInt nn = s->c->loc->nnode_all, dim = s->c->loc->dim;
+  const PetscInt n = s->c->loc->nnode_all * s->c->loc->dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt f = 0; f < nfield; f++) PetscCall(PetscCalloc1(nn * dim, &field[f]));
-  PetscCall(PetscArraycpy(field[0], s->P1, nn * dim));
-  PetscCall(PetscArraycpy(field[1], s->P2, nn * dim));
-  for (PetscInt f = 2; f < nfield; f++) {
-    PetscReal *T[2];
-
-    PetscCall(ScalarsGetFields(s->scalars, f - 2, &T[0], &T[1]));
-    for (PetscInt e = 0; e < 2 * nn; e++) field[f][e / 2 * dim + e % 2] = T[e % 2][e / 2];
+  for (PetscInt f = 0; f < 2; f++) {
+    PetscCall(PetscMalloc1(n, &field[f]));
+    PetscCall(PetscArraycpy(field[f], f ? s->P2 : s->P1, n));
   }
+  PetscCall(ScalarFieldsPack(s->scalars, s->c->loc, field + 2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Values v [nfield][dim] at own node i, moved from y to x */
-static PetscErrorCode store(ScalarCarry s, PetscInt nfield, PetscInt i, const PetscReal v[])
+static PetscErrorCode store(ScalarCarry s, PetscInt i, const PetscReal v[])
 {
   const PetscInt dim = s->c->loc->dim;
+  PetscReal      way[3];
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < dim; a++) {
-    const PetscInt  at    = i * dim + a;
-    const PetscReal moved = s->inside[i] ? 0 : s->x[at] - s->y[at];
+    const PetscInt at = i * dim + a;
 
-    s->P1[at] = moved + (s->inside[i] ? 0 : v[a]);
-    s->P2[at] = moved + (s->inside[i] ? 0 : v[dim + a]);
+    way[a]    = s->x[at] - s->y[at];
+    s->P1[at] = s->inside[i] ? 0 : way[a] + v[a];
+    s->P2[at] = s->inside[i] ? 0 : way[a] + v[dim + a];
   }
-  for (PetscInt f = 2; f < nfield; f++) {
-    PetscReal *T[2];
-
-    PetscCall(ScalarsGetFields(s->scalars, f - 2, &T[0], &T[1]));
-    for (PetscInt t = 0; t < 2; t++) T[t][i] = v[f * dim + t] - gradient_between(s, f - 2, i);
-  }
+  PetscCall(ScalarFieldsSet(s->scalars, dim, i, way, v + 2 * dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -205,7 +193,7 @@ static PetscErrorCode evaluate(ScalarCarry s, const AlignMotion *m, PetscBool si
   }
   PetscCall(RemapEvaluate(m->remap, n, node, x, zero, (RemapCells){closed, zero}, nfield,
                           (const PetscReal *const *)field, v, &count));
-  for (PetscInt e = 0; e < n; e++) PetscCall(store(s, nfield, node[e], v + e * nfield * dim));
+  for (PetscInt e = 0; e < n; e++) PetscCall(store(s, node[e], v + e * nfield * dim));
   PetscCall(PetscFree2(zero, v));
   PetscCall(PetscFree3(node, x, closed));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -253,17 +241,12 @@ static PetscErrorCode carry(void *ctx, const AlignMotion *m)
   for (PetscInt k = 0; k < s->c->s->n; k++) moves[k] = (PetscBool)(r->inactive[k] && m->before[k]);
   PetscCall(ScalarMarkInside(s->c, r->cell_surface, s->inside));
   PetscCall(find_origins(s, &(BodyMotion){m->displacement, m->rotation, moves}));
-  PetscCall(pack_fields(s, nfield, field));
+  PetscCall(pack_fields(s, field));
   PetscCall(evaluate(s, m, PETSC_FALSE, nfield, field));
   PetscCall(move_inside(s, 1));
   PetscCall(evaluate(s, m, PETSC_TRUE, nfield, field));
   PetscCall(move_inside(s, -1));
-  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
-    PetscReal *T[2];
-
-    PetscCall(ScalarsGetFields(s->scalars, i, &T[0], &T[1]));
-    for (PetscInt t = 0; t < 2; t++) PetscCall(MeshSyncNodes(s->c->mesh, 1, T[t]));
-  }
+  PetscCall(ScalarFieldsSync(s->scalars, s->c->mesh));
   PetscCall(MeshSyncNodes(s->c->mesh, dim, s->P1));
   PetscCall(MeshSyncNodes(s->c->mesh, dim, s->P2));
   for (PetscInt f = 0; f < nfield; f++) PetscCall(PetscFree(field[f]));
@@ -283,7 +266,7 @@ PetscErrorCode ScalarCarryCreate(Couple c, Scalars scalars, ScalarCarry *carry_)
   s->c       = c;
   s->scalars = scalars;
   PetscCall(PetscCalloc5(nd, &s->P1, nd, &s->P2, nd, &s->x, nd, &s->y, nd, &s->V));
-  PetscCall(PetscCalloc1(ScalarsCount(scalars), &s->books));
+  PetscCall(ScalarBooksCreate(c, scalars, &s->books));
   PetscCall(PetscCalloc3(n, &s->weight, n, &s->boundary, n, &s->inside));
   PetscCall(mark_boundary(s));
   PetscCall((*c->method.table->carry)(c->method.data, carry, s));
@@ -298,7 +281,7 @@ PetscErrorCode ScalarCarryDestroy(ScalarCarry *carry_)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree5(s->P1, s->P2, s->x, s->y, s->V));
-  PetscCall(PetscFree(s->books));
+  PetscCall(ScalarBooksDestroy(&s->books));
   PetscCall(PetscFree3(s->weight, s->boundary, s->inside));
   PetscCall(PetscFree(s->shift));
   PetscCall(PetscFree(s->shift_old));
@@ -368,69 +351,26 @@ PetscErrorCode ScalarCarryConvect(ScalarCarry s, const ScalarGrowth *g, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* *appears: heat a time that appears in the fluid */
-static PetscErrorCode close_books(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal *appears)
+static ScalarMotion get_motion(const struct _p_ScalarCarry *s)
 {
-  const FlowStep *f = s->c->step;
-  Books          *b = s->books + i;
-  PetscReal       sum[3];
-
-  PetscFunctionBeginUser;
-  PetscCall(ScalarsMeasureGrowth(s->scalars, i, s->V, MeshUpdateGetInactive(s->c->mesh_update), sum));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, s->c->comm));
-  b->next_content = sum[0];
-  if (b->have == 0) b->content = b->content_old = (sum[1] - sum[2] - bodies) / (f->d0 + f->d1); /* what it began with */
-  *appears = sum[1] - f->d0 * b->content - f->d1 * b->content_old - sum[2] - bodies;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return (ScalarMotion){.V = s->V, .skip = MeshUpdateGetInactive(s->c->mesh_update), .along = s->weight};
 }
 
 PetscErrorCode ScalarCarryGiveBack(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal source[])
 {
-  const MeshLocal        *l        = s->c->loc;
-  const PetscInt         *inactive = MeshUpdateGetInactive(s->c->mesh_update);
-  const PetscReal         one      = 1;
-  Books                  *b        = s->books + i;
-  PetscReal               appears, volume = 0, each;
-  const ScalarParameters *par;
+  const ScalarMotion m = get_motion(s);
 
   PetscFunctionBeginUser;
-  b->given = 0;
-  PetscCall(ScalarsGetParameters(s->scalars, i, &par));
-  if (!inactive || par->periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarsFindGrowing(s->scalars, i, s->V, inactive));
-  PetscCall(close_books(s, i, bodies, &appears));
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt c = 0; c < l->ncell_all; c++) {
-      PetscBool along = PETSC_FALSE;
-
-      for (PetscInt j = 0; j < l->nb; j++) along = (PetscBool)(along || s->weight[l->cell_node[c * l->nb + j]] > 0);
-      if (!along || inactive[c] >= 0) continue;
-      if (pass == 1) source[c] += b->given / volume;
-      else if (c < l->ncell) {
-        PetscCall(ScalarsIntegrate(s->scalars, c, 0, &one, &each));
-        volume += each;
-      }
-    }
-    if (pass == 1) break;
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, s->c->comm));
-    if (volume == 0) break;
-    b->given = -(b->owed / s->c->step->dt + appears);
-  }
+  if (m.skip) PetscCall(ScalarBooksGiveBack(s->books, &m, i, bodies, source));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarCarryMeasure(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal *covered)
 {
-  Books                  *b = s->books + i;
-  const ScalarParameters *par;
-  PetscReal               appears;
+  const ScalarMotion m = get_motion(s);
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarsGetParameters(s->scalars, i, &par));
-  if (!MeshUpdateGetInactive(s->c->mesh_update) || par->periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(close_books(s, i, bodies, &appears));
-  b->next_owed = b->owed + (appears + b->given) * s->c->step->dt;
-  *covered += appears + b->given;
+  if (m.skip) PetscCall(ScalarBooksMeasure(s->books, &m, i, bodies, covered));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -439,14 +379,7 @@ PetscErrorCode ScalarCarryAccept(ScalarCarry s)
   const PetscInt n = s->c->loc->nnode_all * s->c->loc->dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
-    Books *b = s->books + i;
-
-    b->content_old = b->content;
-    b->content     = b->next_content;
-    b->owed        = b->next_owed;
-    b->have        = 1;
-  }
+  PetscCall(ScalarBooksAccept(s->books));
   PetscCall(PetscArraycpy(s->P2, s->P1, n));
   PetscCall(PetscArrayzero(s->P1, n));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -460,16 +393,6 @@ PetscErrorCode ScalarCarryVisit(ScalarCarry s, State state)
   PetscCall(StateHas(state, "carry_motion", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(StateNodes(state, "carry_motion", s->c->loc->dim, s->P2));
-  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
-    PetscReal book[4] = {s->books[i].have, s->books[i].content, s->books[i].content_old, s->books[i].owed};
-    char      name[64];
-
-    PetscCall(PetscSNPrintf(name, sizeof(name), "carry_books_%d", (int)i));
-    PetscCall(StateReals(state, name, 4, book));
-    s->books[i].have        = book[0];
-    s->books[i].content     = book[1];
-    s->books[i].content_old = book[2];
-    s->books[i].owed        = book[3];
-  }
+  PetscCall(ScalarBooksVisit(s->books, "carry_books", state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,9 +10,8 @@
    against which the scalar is convected; inside and on the surface at the rigid velocity itself. P1 and P2 are fields
    of nodes that are carried as scalars are, since the nodes of every step are others.
 
-   Cells that deform and values that are carried do not keep the heat of the fluid exactly: what appears beyond that of
-   bodies (scalarheat.h), d(T) over the new cells less that of the old ones and of T div V, is predicted with T
-   extrapolated and given back in the same step, as a source in the cells that go along; the rest in the next. */
+   What appears in the fluid beyond that of bodies (scalarheat.h) is given back to the cells that go along
+   (scalarbooks.h). */
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"

@@ -11,10 +11,15 @@
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
+static const char *option_of(const char group[], const char scalar[], const char ending[], char name[OPT_NAME])
+{
+  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", group, scalar, ending);
+  return name;
+}
+
 static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
 {
-  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g->name, scalar, ending);
-  return name;
+  return option_of(g->name, scalar, ending, name);
 }
 
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters *par)
@@ -116,6 +121,50 @@ static PetscErrorCode read_growth(Couple c, const BodyGroup *g, const ScalarPara
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of what is solved for inside, of the group of that name */
+static PetscErrorCode read_inside(const char group[], const ScalarParameters *par, ScalarMaterial *m)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptReal(option_of(group, par->name, "conductivity", name), &m->conductivity));
+  PetscCall(OptReal(option_of(group, par->name, "decay", name), &m->decay));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of what has heat inside */
+static PetscErrorCode read_content(const char group[], const ScalarParameters *par, ScalarMaterial *m)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptReal(option_of(group, par->name, "capacity", name), &m->capacity));
+  PetscCall(OptReal(option_of(group, par->name, "source", name), &m->source));
+  PetscCall(OptHas(option_of(group, par->name, "initial", name), &m->starts));
+  PetscCall(OptReal(name, &m->initial));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarMaterialReadPhase(Couple c, const char group[], const ScalarParameters *par, ScalarMaterial *m)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  m->conductivity = par->conductivity;
+  m->capacity     = par->capacity;
+  PetscCall(OptChoice(option_of(group, par->name, "condition", name), CONDITIONS, &m->condition));
+  PetscCheck(m->condition == SCALAR_BODY_CONJUGATE, c->comm, PETSC_ERR_SUP,
+             "%s %s: group '%s' is no rigid body, and its inside is always solved for: leave it out (conjugate)", name,
+             CONDITIONS[m->condition], group);
+  PetscCall(read_inside(group, par, m));
+  PetscCall(read_content(group, par, m));
+  PetscCall(OptReal(option_of(group, par->name, "expansion", name), &m->expansion));
+  PetscCheck(par->expansion != 0 || m->expansion == 0, c->comm, PETSC_ERR_USER_INPUT,
+             "%s %g: buoyancy goes by that of the fluid around: give -scalar_%s_expansion too, as small as it may be",
+             name, (double)m->expansion, par->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
 {
   char      name[OPT_NAME];
@@ -125,15 +174,10 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
   PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
-  if (m->condition == SCALAR_BODY_CONJUGATE) {
-    PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
-    PetscCall(OptReal(name_option(g, par->name, "decay", name), &m->decay));
-  }
+  if (m->condition == SCALAR_BODY_CONJUGATE) PetscCall(read_inside(g->name, par, m));
   if (m->condition == SCALAR_BODY_CONJUGATE || m->condition == SCALAR_BODY_LUMPED) {
-    PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
-    PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
-    PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
-    PetscCall(OptReal(name, &m->initial));
+    PetscCall(read_content(g->name, par, m));
+    name_option(g, par->name, "initial", name);
     PetscCheck(m->starts || m->condition != SCALAR_BODY_LUMPED, c->comm, PETSC_ERR_USER_INPUT,
                "Group '%s' is lumped for scalar '%s', one value a body: give %s, its value at the start", g->name,
                par->name, name);

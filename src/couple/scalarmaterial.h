@@ -25,6 +25,8 @@ typedef struct {
 
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
+/* Likewise of a group of that name that is no rigid body: conjugate */
+PetscErrorCode ScalarMaterialReadPhase(Couple, const char group[], const ScalarParameters *, ScalarMaterial *m);
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
 /* Of body k with a flux of scalar i by an expression, where the step has it, material [ngroups][n]; no flux: it has
    none. Local. */

@@ -5,15 +5,18 @@
 #include "couple/scalars.h"
 #include "scalarbodies.h"
 #include "scalarlayer.h"
+#include "scalarphases.h"
 #include "base/expr.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 
+#define PASSES 4    /* until what particles give back is what appears */
 #define CHANGE 1e-6 /* change of the content in a step that is the least to go by */
 
 struct _p_CoupleScalars {
   Scalars       scalars;
   ScalarBodies  bodies;  /* NULL: there are none */
+  ScalarPhases  phases;  /* likewise */
   PetscBool     started; /* with the values inside bodies */
   PetscInt      n, nboundary;
   CoupleScalar *result;   /* [n] */
@@ -82,12 +85,31 @@ static PetscErrorCode begin_step(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleStartPhases(Couple c)
+{
+  CoupleScalars s = c->scalars;
+
+  PetscFunctionBeginUser;
+  if (!s || s->started) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarPhasesUpdate(s->phases));
+  PetscCall(ScalarPhasesStart(s->phases));
+  s->started = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool CouplePhasesHaveBegun(Couple c)
+{
+  return (PetscBool)(!c->scalars || c->scalars->started);
+}
+
 /* Bodies are where the step has them */
 static PetscErrorCode find_bodies(Couple c, void *data)
 {
   CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
+  if (s->phases) PetscCall(CoupleStartPhases(c));
+  if (s->phases) PetscCall(ScalarPhasesUpdate(s->phases));
   if (!s->started) PetscCall(ScalarBodiesStart(s->bodies, c, s->scalars));
   s->started = PETSC_TRUE;
   PetscCall(ScalarBodiesUpdate(s->bodies, c, s->scalars));
@@ -101,9 +123,11 @@ static PetscErrorCode add_buoyancy(Couple c, void *data)
   PetscFunctionBeginUser;
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(s->force, c->loc->nnode_all * c->loc->dim));
-  for (PetscInt i = 0; i < s->n; i++)
-    PetscCall(
-      ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, ScalarBodiesFluid(s->bodies), s->force));
+  for (PetscInt i = 0; i < s->n; i++) {
+    const PetscReal *part = s->phases ? ScalarPhasesWeight(s->phases, i) : ScalarBodiesFluid(s->bodies);
+
+    PetscCall(ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, part, s->force));
+  }
   PetscCall(FlowAddForce(c->flow, s, s->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -118,7 +142,8 @@ static PetscErrorCode set_convection(Couple c, CoupleScalars s)
   PetscFunctionBeginUser;
   PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
-  PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
+  if (s->phases) PetscCall(ScalarPhasesGetVelocity(s->phases, &mesh));
+  else PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++)
     for (PetscInt a = 0, e = i * dim; a < dim; a++, e++)
       s->w[e] = theta * c->field.u[e] + (1 - theta) * u[e] - (mesh ? mesh[e] : 0) - c->step->frame[a];
@@ -134,9 +159,16 @@ static PetscErrorCode solve(Couple c, CoupleScalars s)
   PetscFunctionBeginUser;
   PetscCall(set_convection(c, s));
   for (PetscInt i = 0; i < s->n && failed < 0; i++) {
+    PetscBool again = PETSC_TRUE;
+
     PetscCall(ScalarsPredict(s->scalars, i, s->w));
     PetscCall(ScalarBodiesGiveBack(s->bodies, c, s->scalars, i));
-    PetscCall(ScalarsSolve(s->scalars, i, s->w, &reason));
+    if (s->phases && c->step->dt > 0) PetscCall(ScalarPhasesGiveBack(s->phases, i));
+    for (PetscInt pass = 0; again && pass < PASSES; pass++) {
+      PetscCall(ScalarsSolve(s->scalars, i, s->w, &reason));
+      again = PETSC_FALSE;
+      if (s->phases && c->step->dt > 0 && reason > 0) PetscCall(ScalarPhasesCorrect(s->phases, i, &again));
+    }
     if (reason <= 0) failed = i;
   }
   if (failed < 0) PetscCall(ScalarsSettle(s->scalars, &failed, &reason));
@@ -163,6 +195,7 @@ static PetscErrorCode measure(Couple c, void *data)
   if (!s->measured) PetscCall(ScalarsGetAreas(s->scalars, s->area));
   s->measured = PETSC_TRUE;
   PetscCall(ScalarBodiesMeasure(s->bodies, c, s->scalars, s->covered));
+  if (s->phases && c->step->dt > 0) PetscCall(ScalarPhasesMeasure(s->phases, s->covered));
   for (PetscInt i = 0; i < s->n; i++) {
     CoupleScalar *r = s->result + i;
     PetscReal     size;
@@ -231,6 +264,7 @@ static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCall(ScalarBodiesAccept(((CoupleScalars)data)->bodies, c, ((CoupleScalars)data)->scalars));
+  if (((CoupleScalars)data)->phases) PetscCall(ScalarPhasesAccept(((CoupleScalars)data)->phases));
   PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -245,6 +279,7 @@ static PetscErrorCode discard(Couple c, void *data)
   (void)c;
   PetscCall(ScalarsDiscard(s->scalars));
   PetscCall(ScalarBodiesDiscard(s->bodies));
+  PetscCall(ScalarPhasesDiscard(s->phases));
   PetscCall(PetscFree(s->force));
   PetscCall(PetscFree(s->w));
   PetscCall(PetscFree(s->viscosity));
@@ -283,6 +318,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   PetscFunctionBeginUser;
   PetscCall(ScalarsVisitState(((CoupleScalars)data)->scalars, state));
   PetscCall(ScalarBodiesVisit(((CoupleScalars)data)->bodies, c, ((CoupleScalars)data)->scalars, state));
+  if (((CoupleScalars)data)->phases) PetscCall(ScalarPhasesVisit(((CoupleScalars)data)->phases, state));
   ((CoupleScalars)data)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -307,6 +343,7 @@ static PetscErrorCode destroy(Couple c, void *data)
     PetscCall(PetscFree(s->result[i].open));
   }
   PetscCall(ScalarBodiesDestroy(c, &s->bodies));
+  PetscCall(ScalarPhasesDestroy(&s->phases));
   PetscCall(ScalarsDestroy(&s->scalars));
   PetscCall(ExprDestroy(&s->viscosity_of));
   PetscCall(PetscFree(s->result));
@@ -409,6 +446,34 @@ PetscErrorCode CoupleAddScalars(Couple c)
   }
   PetscCall(CoupleAddParticipant(c, &SCALARS, s));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAddPhases(Couple c, PetscInt n, const ScalarPhase phase[])
+{
+  CoupleScalars s = c->scalars;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!s->viscosity_of || n == 0, c->comm, PETSC_ERR_SUP,
+             "-flow_viscosity_of_scalars %s: group '%s' has a viscosity of its own: leave one of them out",
+             ExprText(s->viscosity_of), phase[0].name);
+  PetscCheck(!c->s->nall, c->comm, PETSC_ERR_SUP,
+             "-scalars in a flow with both rigid bodies and drops or elastic particles: what these carry is not in one balance: leave one of "
+             "the three out");
+  PetscCall(ScalarPhasesCreate(c, s->scalars, n, phase, &s->phases));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSetPhases(Couple c, const PetscInt cell[], const PetscReal part[], const PetscReal V[])
+{
+  PetscFunctionBeginUser;
+  if (c->scalars) PetscCall(ScalarPhasesSetCells(c->scalars->phases, cell, part, V));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+Scalars CoupleCarriedScalars(Couple c)
+{
+  return c->scalars ? c->scalars->scalars : NULL;
 }
 
 PetscErrorCode CoupleGetScalars(Couple c, PetscInt *n, const CoupleScalar *scalar[])

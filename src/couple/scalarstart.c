@@ -8,8 +8,8 @@ typedef struct {
   PetscReal *fluid, *body, *value;
 } Weights;
 
-/* Of local cell e with the capacity of the fluid, at its place in the cover (NULL: no body) */
-static PetscErrorCode add_cell(Couple c, Scalars scalars, PetscInt e, const CoveredCell *at, const ScalarMaterial *m,
+/* Of local cell e with the capacity of the fluid, of which a part is of the material m (NULL: of none) */
+static PetscErrorCode add_cell(Couple c, Scalars scalars, PetscInt e, const ScalarMaterial *m, PetscReal part,
                                PetscReal capacity, Weights *w)
 {
   const MeshLocal *l      = c->loc;
@@ -19,7 +19,7 @@ static PetscErrorCode add_cell(Couple c, Scalars scalars, PetscInt e, const Cove
   PetscFunctionBeginUser;
   PetscCall(ScalarsIntegrateBasis(scalars, e, all));
   for (PetscInt j = 0; j < l->nb; j++) {
-    inside[j] = at ? at->inside * all[j] : 0; /* its own integral over a part could be below zero */
+    inside[j] = m ? part * all[j] : 0; /* its own integral over a part could be below zero */
     all[j]    = (all[j] - inside[j]) * capacity + (starts ? 0 : inside[j] * (m ? m->capacity : 0));
     inside[j] = starts ? inside[j] * m->capacity : 0;
     value[j]  = starts ? inside[j] * m->initial : 0;
@@ -37,27 +37,40 @@ static PetscErrorCode add_cell(Couple c, Scalars scalars, PetscInt e, const Cove
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarStartBodies(Couple c, Scalars scalars, PetscInt i, const ScalarCover *cover,
-                                 const ScalarMaterial *material, PetscReal T[])
+PetscErrorCode ScalarStartInside(Couple c, Scalars scalars, PetscInt i, const ScalarMaterial *const material[],
+                                 const PetscReal inside[], PetscReal T[])
 {
-  const PetscInt          n = c->loc->nnode_all, nc = c->loc->ncell_all;
+  const PetscInt          n = c->loc->nnode_all;
   const ScalarParameters *par;
-  const CoveredCell     **at;
   Weights                 w;
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsGetParameters(scalars, i, &par));
-  PetscCall(PetscCalloc4(n, &w.fluid, n, &w.body, n, &w.value, nc, &at));
-  for (PetscInt e = 0; e < cover->n; e++)
-    if (cover->covered[e].first) at[cover->covered[e].cell] = cover->covered + e;
-  for (PetscInt e = 0; e < nc; e++) {
-    const ScalarMaterial *m = at[e] ? material + c->s->body_group[at[e]->body] * ScalarsCount(scalars) + i : NULL;
-
-    PetscCall(add_cell(c, scalars, e, at[e], m, par->capacity, &w));
-  }
+  PetscCall(PetscCalloc3(n, &w.fluid, n, &w.body, n, &w.value));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+    PetscCall(add_cell(c, scalars, e, material[e], inside[e], par->capacity, &w));
   for (PetscInt k = 0; k < c->loc->nnode; k++)
     if (w.body[k] > 0) T[k] = (w.value[k] + w.fluid[k] * T[k]) / (w.body[k] + w.fluid[k]);
   PetscCall(MeshSyncNodes(c->mesh, 1, T));
-  PetscCall(PetscFree4(w.fluid, w.body, w.value, at));
+  PetscCall(PetscFree3(w.fluid, w.body, w.value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarStartBodies(Couple c, Scalars scalars, PetscInt i, const ScalarCover *cover,
+                                 const ScalarMaterial *material, PetscReal T[])
+{
+  const PetscInt         n = c->loc->ncell_all;
+  const ScalarMaterial **of;
+  PetscReal             *inside;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(n, &of, n, &inside));
+  for (const CoveredCell *at = cover->covered; at < cover->covered + cover->n; at++) {
+    if (!at->first) continue;
+    of[at->cell]     = material + c->s->body_group[at->body] * ScalarsCount(scalars) + i;
+    inside[at->cell] = at->inside;
+  }
+  PetscCall(ScalarStartInside(c, scalars, i, of, inside, T));
+  PetscCall(PetscFree2(of, inside));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,6 +8,10 @@
 #include "scalarcover.h"
 #include "scalarmaterial.h"
 
-/* T [nnode_all] of scalar i: values of the fluid everywhere on entry; material [ngroups][n]. Collective. */
+/* T [nnode_all] of scalar i: values of the fluid everywhere on entry. Of each local cell [ncell_all] the part `inside`
+   is of the material, NULL: none. Collective. */
+PetscErrorCode ScalarStartInside(Couple, Scalars, PetscInt i, const ScalarMaterial *const material[],
+                                 const PetscReal inside[], PetscReal T[]);
+/* Of the cells that bodies cover; material [ngroups][n]. Collective. */
 PetscErrorCode ScalarStartBodies(Couple, Scalars, PetscInt i, const ScalarCover *, const ScalarMaterial *material,
                                  PetscReal T[]);

@@ -112,7 +112,7 @@ PetscErrorCode ScalarsFindGrowing(Scalars all, PetscInt i, const PetscReal V[], 
   PetscCall(PetscArrayzero(s->growth_weight, all->loc->nnode_all));
   s->ngrowth_cell = 0;
   for (PetscInt c = 0; c < all->loc->ncell; c++)
-    if (ScalarCellIsActive(s, c) && !add_still(all, s, c, skip[c] < 0 ? V : NULL))
+    if (ScalarCellIsActive(s, c) && !add_still(all, s, c, !skip || skip[c] < 0 ? V : NULL))
       s->growth_cell[s->ngrowth_cell++] = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -133,7 +133,7 @@ PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[]
     PetscReal      vc[MESH_MAX_NB * 3];
 
     ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
-    PetscCall(add_growth(all, s, c, skip[c] < 0 ? vc : NULL, sum));
+    PetscCall(add_growth(all, s, c, !skip || skip[c] < 0 ? vc : NULL, sum));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

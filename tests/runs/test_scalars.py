@@ -398,11 +398,6 @@ def test_a_chain_of_reactions_is_exponentials(run, scene, tmp_path, order, ranks
     assert errors[1] < most and 3.3 < errors[0] / errors[1] < 5
 
 
-def test_elastic_solids_carry_no_scalars(run, tmp_path):
-    result = run([ROOT / "runs/soft-disc-shear.yaml", "-scalars", "heat", "-output_dir", tmp_path / "out"])
-    assert result.status and "-scalars in a flow with elastic solids" in result.err and result.err.count("error:") == 1
-
-
 @pytest.mark.parametrize("dt, most", [(0.05, 5e-4), (0.025, 1.2e-4)])
 def test_a_source_goes_by_scalars(run, scene, tmp_path, dt, most):
     """a' = -a^2: 1/2 at t = 1, second order in the step"""

@@ -1,0 +1,185 @@
+/* Elastic, scalars: solids as materials of what the flow carries (scalarphases.h). */
+#include "compat.h"
+#include "elastic.h"
+#include "feet.h"
+#include "cutcells.h"
+#include "impl.h"
+#include "scalarcover.h"
+#include "scalarfields.h"
+#include "scalarphases.h"
+
+#define CHUNK 256
+
+PetscErrorCode ElasticAddPhases(Elastic *e, Couple c)
+{
+  const PetscInt n = SolidsAreMembranes(e->s) ? 0 : e->s->ngroups; /* what a membrane encloses is the fluid */
+  ScalarPhase   *phase;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &phase));
+  for (PetscInt g = 0; g < n; g++)
+    phase[g] = (ScalarPhase){.name = e->s->group[g].name, .density = e->s->group[g].density};
+  PetscCall(CoupleAddPhases(c, n, phase));
+  PetscCall(PetscFree(phase));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- nodes that go along ---- */
+
+/* Of the nearest solid that the mesh follows, or any in the middle of one */
+static PetscReal find_distance(const void *ctx, const MeshLocal *l, const PetscReal x[])
+{
+  const Elastic       *e     = (const Elastic *)ctx;
+  const AlignSurfaces *s     = ElasticSurfacesGet(e->surfaces);
+  const PetscReal      reach = FEET_FAR * l->h;
+  PetscReal            best  = reach, d;
+  ElasticLabels        labels;
+
+  PetscCallAbort(PETSC_COMM_SELF, ElasticAlignGetLabels(e->align, &labels));
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    if (!labels.lined[k]) continue;
+    for (DomainImages i = {0}; MeshNextImage(l, s->centre[k], s->radius[k] + reach, &i);) {
+      PetscReal square = 0;
+
+      for (PetscInt a = 0; a < l->dim; a++) square += PetscSqr(x[a] - i.at[a]);
+      if (PetscSqrtReal(square) > s->radius[k] + reach) continue;
+      PetscCallAbort(PETSC_COMM_SELF, (*s->distance)(s->ctx, k, i.at, 1, x, &d));
+      best = PetscMin(best, PetscAbsReal(d));
+    }
+  }
+  return best;
+}
+
+static PetscErrorCode carry(void *ctx, Remap remap, const AlignResult *r)
+{
+  Elastic         *e   = (Elastic *)ctx;
+  Couple           c   = e->carried.c;
+  const MeshLocal *l   = c->loc;
+  const Scalars    s   = CoupleCarriedScalars(c);
+  const PetscInt   dim = l->dim, nfield = ScalarsCount(s);
+  const FeetMesh   m = {.mesh     = c->mesh,
+                        .loc      = l,
+                        .remap    = remap,
+                        .way      = e->carried.way,
+                        .shift    = e->carried.shift,
+                        .velocity = e->carried.velocity,
+                        .distance = find_distance,
+                        .ctx      = e};
+  PetscReal      **field;
+  Feet             t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(nfield, &field));
+  PetscCall(PetscArrayzero(e->carried.way, l->nnode_all * dim));
+  if (CouplePhasesHaveBegun(c))
+    PetscCall(FeetPredict(c->flow, c->step, (PetscBool)(c->step->order == 1), l->nnode_all * dim, e->carried.way));
+  PetscCall(ScalarFieldsPack(s, l, field));
+  PetscCall(FeetFind(&m, c->step, r, nfield, (const PetscReal *const *)field, &t));
+  for (PetscInt i = 0; i < t.n; i++) {
+    const PetscReal *v = t.value + t.width * i;
+
+    PetscCall(ScalarFieldsSet(s, dim, t.node[i], v, v + dim));
+  }
+  PetscCall(ScalarFieldsSync(s, c->mesh));
+  for (PetscInt i = 0; i < nfield; i++) PetscCall(PetscFree(field[i]));
+  PetscCall(PetscFree(field));
+  PetscCall(FeetDestroy(&t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticCarryScalars(Elastic *e, Couple c)
+{
+  ElasticCarried *t = &e->carried;
+  const PetscInt  n = c->loc->nnode_all * c->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (!c->scalars || !e->align || e->anchored) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc3(n, &t->way, n, &t->shift, n, &t->velocity));
+  t->c = c;
+  PetscCall(ElasticAlignSetCarry(e->align, carry, e));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- cells ---- */
+
+/* Cells whose middles are among the nodes list [n] near an image of solid k at X: part of them, by the distance of the
+   middle */
+static PetscErrorCode add_nodes(Elastic *e, Couple c, PetscInt k, const PetscReal X[3], PetscInt n,
+                                const PetscInt node[], PetscInt cell[], PetscReal part[])
+{
+  const MeshLocal     *l   = c->loc;
+  const AlignSurfaces *s   = ElasticSurfacesGet(e->surfaces);
+  const PetscInt       dim = l->dim;
+  const PetscReal     *size;
+  PetscReal            x[CHUNK * 3], d[CHUNK];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  for (PetscInt i = 0; i < n * dim; i++) x[i] = l->x[node[i / dim] * dim + i % dim];
+  PetscCall((*s->distance)(s->ctx, k, X, n, x, d));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt  at = l->centre_cell[node[i]];
+    const PetscReal in = at < 0 ? 0 : ScalarCoverPart(d[i], size[at]);
+
+    if (in == 0 || in < part[at]) continue;
+    cell[at] = e->s->group_of[k];
+    part[at] = in;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* cell, part [ncell_all] of solids that the mesh is not lined up with, as the surfaces are */
+static PetscErrorCode add_cut(Elastic *e, Couple c, const PetscBool lined[], PetscInt cell[], PetscReal part[])
+{
+  const MeshLocal     *l = c->loc;
+  const AlignSurfaces *s = ElasticSurfacesGet(e->surfaces);
+  PetscReal            size;
+
+  PetscFunctionBeginUser;
+  PetscCall(CutCellReach(c->mesh, &size));
+  for (PetscInt k = 0; k < e->s->n && !SolidsAreMembranes(e->s); k++) {
+    if (lined && lined[k]) continue;
+    for (DomainImages image = {0}; MeshNextImage(l, s->centre[k], s->radius[k] + size, &image);) {
+      const PetscInt *list;
+      PetscInt        n;
+
+      PetscCall(MeshNodesInBox(c->mesh, image.at, s->radius[k] + size, &n, &list));
+      for (PetscInt i = 0; i < n; i += CHUNK)
+        PetscCall(add_nodes(e, c, k, image.at, PetscMin(CHUNK, n - i), list + i, cell, part));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticSetPhases(Elastic *e, Couple c, const PetscReal x[])
+{
+  const MeshLocal *l     = c->loc;
+  const PetscBool  lined = (PetscBool)(e->align && !SolidsAreMembranes(e->s));
+  PetscInt        *cell;
+  PetscReal       *part;
+
+  PetscFunctionBeginUser;
+  if (!c->scalars) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc2(l->ncell_all, &cell, l->ncell_all, &part));
+  for (PetscInt i = 0; i < l->ncell_all; i++) {
+    const PetscInt k = lined ? e->labels.cell_solid[i] : -1;
+
+    cell[i] = k < 0 ? -1 : e->s->group_of[k];
+    part[i] = k < 0 ? 0 : 1;
+  }
+  PetscCall(ElasticSurfacesSet(e->surfaces, x));
+  PetscCall(add_cut(e, c, lined ? e->labels.lined : NULL, cell, part));
+  PetscCall(CoupleSetPhases(c, cell, part, e->carried.velocity));
+  PetscCall(PetscFree2(cell, part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticStartPhases(Elastic *e, Couple c)
+{
+  PetscFunctionBeginUser;
+  if (!c->scalars || CouplePhasesHaveBegun(c)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (e->align && !e->ale) PetscCall(ElasticAlignUpdate(e->align, e->s->x, &e->labels));
+  PetscCall(ElasticSetPhases(e, c, e->s->x));
+  PetscCall(CoupleStartPhases(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
