@@ -11,15 +11,11 @@
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
-static const char *option_of(const char group[], const char scalar[], const char ending[], char name[OPT_NAME])
+/* Of the group g */
+static const char *name_option(const char g[], const char scalar[], const char ending[], char name[OPT_NAME])
 {
-  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", group, scalar, ending);
+  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g, scalar, ending);
   return name;
-}
-
-static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
-{
-  return option_of(g->name, scalar, ending, name);
 }
 
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters *par)
@@ -84,7 +80,7 @@ static PetscErrorCode read_expansion(Couple c, const BodyGroup *g, const ScalarP
 
   PetscFunctionBeginUser;
   m->reference = par->reference;
-  PetscCall(OptReal(name_option(g, par->name, "expansion", name), &m->expansion));
+  PetscCall(OptReal(name_option(g->name, par->name, "expansion", name), &m->expansion));
   if (m->expansion == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(!ScalarMaterialIsSurface(m), c->comm, PETSC_ERR_USER_INPUT,
              "%s %g: group '%s' is in %s, nothing is known of the scalar inside: give it -particle_%s_%s_condition value, lumped or "
@@ -97,7 +93,7 @@ static PetscErrorCode read_expansion(Couple c, const BodyGroup *g, const ScalarP
   PetscCheck(c->par->gravity[0] != 0 || c->par->gravity[1] != 0 || c->par->gravity[2] != 0, c->comm,
              PETSC_ERR_USER_INPUT, "%s %g changes a weight and needs gravity: give -flow_gravity", name,
              (double)m->expansion);
-  PetscCall(OptReal(name_option(g, par->name, "reference", name), &m->reference));
+  PetscCall(OptReal(name_option(g->name, par->name, "reference", name), &m->reference));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -108,7 +104,7 @@ static PetscErrorCode read_growth(Couple c, const BodyGroup *g, const ScalarPara
   PetscBool steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(OptReal(name_option(g, par->name, "dissolves", name), &m->dissolves));
+  PetscCall(OptReal(name_option(g->name, par->name, "dissolves", name), &m->dissolves));
   if (m->dissolves == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(m->condition == SCALAR_BODY_VALUE || ScalarMaterialIsSurface(m), c->comm, PETSC_ERR_SUP,
              "%s %g: group '%s' is %s, and sizes go by the flux of bodies at a value, with a flux or in exchange: give it "
@@ -122,43 +118,43 @@ static PetscErrorCode read_growth(Couple c, const BodyGroup *g, const ScalarPara
 }
 
 /* Of what is solved for inside, of the group of that name */
-static PetscErrorCode read_inside(const char group[], const ScalarParameters *par, ScalarMaterial *m)
+static PetscErrorCode read_inside(const char g[], const ScalarParameters *par, ScalarMaterial *m)
 {
   char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(OptReal(option_of(group, par->name, "conductivity", name), &m->conductivity));
-  PetscCall(OptReal(option_of(group, par->name, "decay", name), &m->decay));
+  PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
+  PetscCall(OptReal(name_option(g, par->name, "decay", name), &m->decay));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of what has heat inside */
-static PetscErrorCode read_content(const char group[], const ScalarParameters *par, ScalarMaterial *m)
+static PetscErrorCode read_content(const char g[], const ScalarParameters *par, ScalarMaterial *m)
 {
   char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(OptReal(option_of(group, par->name, "capacity", name), &m->capacity));
-  PetscCall(OptReal(option_of(group, par->name, "source", name), &m->source));
-  PetscCall(OptHas(option_of(group, par->name, "initial", name), &m->starts));
+  PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
+  PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
+  PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
   PetscCall(OptReal(name, &m->initial));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarMaterialReadPhase(Couple c, const char group[], const ScalarParameters *par, ScalarMaterial *m)
+PetscErrorCode ScalarMaterialReadPhase(Couple c, const char g[], const ScalarParameters *par, ScalarMaterial *m)
 {
   char name[OPT_NAME];
 
   PetscFunctionBeginUser;
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
-  PetscCall(OptChoice(option_of(group, par->name, "condition", name), CONDITIONS, &m->condition));
+  PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
   PetscCheck(m->condition == SCALAR_BODY_CONJUGATE, c->comm, PETSC_ERR_SUP,
              "%s %s: group '%s' is no rigid body, and its inside is always solved for: leave it out (conjugate)", name,
-             CONDITIONS[m->condition], group);
-  PetscCall(read_inside(group, par, m));
-  PetscCall(read_content(group, par, m));
-  PetscCall(OptReal(option_of(group, par->name, "expansion", name), &m->expansion));
+             CONDITIONS[m->condition], g);
+  PetscCall(read_inside(g, par, m));
+  PetscCall(read_content(g, par, m));
+  PetscCall(OptReal(name_option(g, par->name, "expansion", name), &m->expansion));
   PetscCheck(par->expansion != 0 || m->expansion == 0, c->comm, PETSC_ERR_USER_INPUT,
              "%s %g: buoyancy goes by that of the fluid around: give -scalar_%s_expansion too, as small as it may be",
              name, (double)m->expansion, par->name);
@@ -173,17 +169,17 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   PetscFunctionBeginUser;
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
-  PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
+  PetscCall(OptChoice(name_option(g->name, par->name, "condition", name), CONDITIONS, &m->condition));
   if (m->condition == SCALAR_BODY_CONJUGATE) PetscCall(read_inside(g->name, par, m));
   if (m->condition == SCALAR_BODY_CONJUGATE || m->condition == SCALAR_BODY_LUMPED) {
     PetscCall(read_content(g->name, par, m));
-    name_option(g, par->name, "initial", name);
+    name_option(g->name, par->name, "initial", name);
     PetscCheck(m->starts || m->condition != SCALAR_BODY_LUMPED, c->comm, PETSC_ERR_USER_INPUT,
                "Group '%s' is lumped for scalar '%s', one value a body: give %s, its value at the start", g->name,
                par->name, name);
   }
   if (m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_TRANSFER) {
-    PetscCall(OptHas(name_option(g, par->name, "value", name), &given));
+    PetscCall(OptHas(name_option(g->name, par->name, "value", name), &given));
     PetscCheck(given, c->comm, PETSC_ERR_USER_INPUT, "Group '%s' is %s for scalar '%s': give %s", g->name,
                m->condition == SCALAR_BODY_VALUE ? "held at a value" : "in exchange", par->name, name);
     PetscCall(OptReal(name, &m->value));
@@ -191,9 +187,9 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
     m->initial = m->value;
   }
   if (m->condition == SCALAR_BODY_FLUX)
-    PetscCall(ExprRead(name_option(g, par->name, "flux", name), c->loc->dim, 1, &m->flux, &m->flux_of, NULL));
+    PetscCall(ExprRead(name_option(g->name, par->name, "flux", name), c->loc->dim, 1, &m->flux, &m->flux_of, NULL));
   if (m->condition == SCALAR_BODY_TRANSFER)
-    PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
+    PetscCall(OptReal(name_option(g->name, par->name, "transfer", name), &m->transfer));
   PetscCall(read_expansion(c, g, par, m));
   PetscCall(read_growth(c, g, par, m));
   PetscCall(refuse(c, g, m, par));

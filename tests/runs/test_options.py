@@ -21,7 +21,7 @@ READER = r"\b(ExprRead|Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|Stri
 TWO_READERS = {"-mesh_centre", "-particle_groups", *(f"-particle_<group>_{word}" for word in ("angle", "axis", "contact_angle", "count", "density", "lower", "margin", "pivot", "place", "position", "quaternion", "seed", "shape", "table", "upper", "viscosity"))}
 # names that a room joins itself: of a scalar, of a scalar at a boundary, of a scalar in the bodies of a group
 JOINED = ((r"\bname_option\(s, \"(\w+)\"", "-scalar_<scalar>_"), (r"\bname_option\(s, OptJoin\(\"bc_\", boundary, \"_(\w+)\"", "-scalar_<scalar_bc_boundary>_"),
-          (r"\bname_option\(g, par->name, \"(\w+)\"", "-particle_<group_scalar>_"))
+          (r"\bname_option\(g(?:->name)?, par->name, \"(\w+)\"", "-particle_<group_scalar>_"))
 
 
 def tell(program, *args):
