@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "elastic.h"
 #include "elasticgap.h"
-#include "elasticinner.h"
+#include "elasticinside.h"
 #include "impl.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -58,13 +58,32 @@ static PetscErrorCode keep_of_mesh(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A cell inside a membrane has the viscosity of what that encloses (-particle_<group>_viscosity), one that it cuts the
+   mean by volume. Of membranes one inside the other the later in the list of solids is the inner one. */
+static PetscErrorCode find_viscosity(Elastic *e, Couple c)
+{
+  ElasticInside    t;
+  const PetscReal *inside;
+
+  PetscFunctionBeginUser;
+  PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, e->align ? e->labels.lined : NULL, e->labels.cell_solid, &t));
+  for (PetscInt i = 0; i < c->loc->ncell_all; i++) e->viscosity[i] = c->par->viscosity;
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const PetscReal inner = e->s->group[e->s->group_of[k]].inner_viscosity;
+
+    if (inner == 0) continue;
+    PetscCall(ElasticInsideFind(t, k, &inside));
+    for (PetscInt i = 0; i < c->loc->ncell_all; i++) e->viscosity[i] += inside[i] * (inner - e->viscosity[i]);
+  }
+  PetscCall(ElasticInsideDestroy(&t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Of the flow's cells, the surfaces being where they are now */
 static PetscErrorCode set_properties(Elastic *e, Couple c)
 {
   PetscFunctionBeginUser;
-  if (e->viscosity)
-    PetscCall(ElasticInnerFind(c->mesh, e->s, e->surfaces, e->align ? e->labels.lined : NULL, e->labels.cell_solid,
-                               c->par->viscosity, e->viscosity));
+  if (e->viscosity) PetscCall(find_viscosity(e, c));
   PetscCall(FlowSetProperties(c->flow, e->align ? e->labels.density : NULL, e->viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

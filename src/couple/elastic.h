@@ -80,7 +80,7 @@ typedef struct Elastic {
   Vec               us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter        gather;
   PetscReal        *force;           /* [own nodes][dim] on the flow */
-  PetscReal        *viscosity;       /* [ncell_all] of the flow, NULL: that of the parameters; see elasticinner.h */
+  PetscReal        *viscosity;       /* [ncell_all] of the flow, NULL: that of the parameters; see elasticinside.h */
   PetscReal        *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
   PetscBool         aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign      align;           /* NULL: immersed, or not yet */

@@ -2,13 +2,10 @@
 #include "compat.h"
 #include "elastic.h"
 #include "feet.h"
-#include "cutcells.h"
+#include "elasticinside.h"
 #include "impl.h"
-#include "scalarcover.h"
 #include "scalarfields.h"
 #include "scalarphases.h"
-
-#define CHUNK 256
 
 PetscErrorCode ElasticAddPhases(Elastic *e, Couple c)
 {
@@ -102,75 +99,33 @@ PetscErrorCode ElasticCarryScalars(Elastic *e, Couple c)
 
 /* ---- cells ---- */
 
-/* Cells whose middles are among the nodes list [n] near an image of solid k at X: part of them, by the distance of the
-   middle */
-static PetscErrorCode add_nodes(Elastic *e, Couple c, PetscInt k, const PetscReal X[3], PetscInt n,
-                                const PetscInt node[], PetscInt cell[], PetscReal part[])
-{
-  const MeshLocal     *l   = c->loc;
-  const AlignSurfaces *s   = ElasticSurfacesGet(e->surfaces);
-  const PetscInt       dim = l->dim;
-  const PetscReal     *size;
-  PetscReal            x[CHUNK * 3], d[CHUNK];
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetCellSize(c->flow, &size));
-  for (PetscInt i = 0; i < n * dim; i++) x[i] = l->x[node[i / dim] * dim + i % dim];
-  PetscCall((*s->distance)(s->ctx, k, X, n, x, d));
-  for (PetscInt i = 0; i < n; i++) {
-    const PetscInt  at = l->centre_cell[node[i]];
-    const PetscReal in = at < 0 ? 0 : ScalarCoverPart(d[i], size[at]);
-
-    if (in == 0 || in < part[at]) continue;
-    cell[at] = e->s->group_of[k];
-    part[at] = in;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* cell, part [ncell_all] of solids that the mesh is not lined up with, as the surfaces are */
-static PetscErrorCode add_cut(Elastic *e, Couple c, const PetscBool lined[], PetscInt cell[], PetscReal part[])
-{
-  const MeshLocal     *l = c->loc;
-  const AlignSurfaces *s = ElasticSurfacesGet(e->surfaces);
-  PetscReal            size;
-
-  PetscFunctionBeginUser;
-  PetscCall(CutCellReach(c->mesh, &size));
-  for (PetscInt k = 0; k < e->s->n && !SolidsAreMembranes(e->s); k++) {
-    if (lined && lined[k]) continue;
-    for (DomainImages image = {0}; MeshNextImage(l, s->centre[k], s->radius[k] + size, &image);) {
-      const PetscInt *list;
-      PetscInt        n;
-
-      PetscCall(MeshNodesInBox(c->mesh, image.at, s->radius[k] + size, &n, &list));
-      for (PetscInt i = 0; i < n; i += CHUNK)
-        PetscCall(add_nodes(e, c, k, image.at, PetscMin(CHUNK, n - i), list + i, cell, part));
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ElasticSetPhases(Elastic *e, Couple c, const PetscReal x[])
 {
-  const MeshLocal *l     = c->loc;
-  const PetscBool  lined = (PetscBool)(e->align && !SolidsAreMembranes(e->s));
+  const PetscInt   n = c->loc->ncell_all;
   PetscInt        *cell;
   PetscReal       *part;
+  const PetscReal *inside;
+  ElasticInside    t;
 
   PetscFunctionBeginUser;
   if (!c->scalars) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc2(l->ncell_all, &cell, l->ncell_all, &part));
-  for (PetscInt i = 0; i < l->ncell_all; i++) {
-    const PetscInt k = lined ? e->labels.cell_solid[i] : -1;
-
-    cell[i] = k < 0 ? -1 : e->s->group_of[k];
-    part[i] = k < 0 ? 0 : 1;
-  }
+  PetscCall(PetscMalloc1(n, &cell));
+  PetscCall(PetscCalloc1(n, &part));
+  for (PetscInt i = 0; i < n; i++) cell[i] = -1;
   PetscCall(ElasticSurfacesSet(e->surfaces, x));
-  PetscCall(add_cut(e, c, lined ? e->labels.lined : NULL, cell, part));
+  PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, e->align ? e->labels.lined : NULL, e->labels.cell_solid, &t));
+  for (PetscInt k = 0; k < e->s->n && !SolidsAreMembranes(e->s); k++) {
+    PetscCall(ElasticInsideFind(t, k, &inside));
+    for (PetscInt i = 0; i < n; i++) {
+      if (inside[i] <= part[i]) continue;
+      cell[i] = e->s->group_of[k];
+      part[i] = inside[i];
+    }
+  }
+  PetscCall(ElasticInsideDestroy(&t));
   PetscCall(CoupleSetPhases(c, cell, part, e->carried.velocity));
-  PetscCall(PetscFree2(cell, part));
+  PetscCall(PetscFree(cell));
+  PetscCall(PetscFree(part));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
