@@ -197,6 +197,7 @@ static PetscErrorCode measure_inside(WettedBodies *s, const PhaseInterface *f, P
   PetscReal      x[3 * PIECES * PIECES], size[PIECES * PIECES], d[PIECES * PIECES];
 
   PetscFunctionBeginUser;
+  *sum = 0;
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal at[2] = {(PetscReal)(2 * (i % PIECES) + 1) / PIECES - 1,
                              (PetscReal)(2 * (i / PIECES) + 1) / PIECES - 1};
@@ -217,7 +218,6 @@ static PetscErrorCode measure_inside(WettedBodies *s, const PhaseInterface *f, P
     }
   }
   PetscCall(distance(s, n, x, d, NULL));
-  *sum = 0;
   for (PetscInt i = 0; i < n; i++) *sum += size_inside(dim, size[i], d[i]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -235,8 +235,8 @@ static PetscErrorCode measure_wetted(const CoupleDrops *f, Couple c, PetscInt k,
   PetscReal     *x, *w;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesSurfacePoints(c->bodies, k, c->rigid.X[k], c->rigid.q[k], npoint, &n, &x, &w));
   *sum = 0;
+  PetscCall(BodiesSurfacePoints(c->bodies, k, c->rigid.X[k], c->rigid.q[k], npoint, &n, &x, &w));
   for (PetscInt i = 0; i < npoint; i++) {
     const PetscReal *middle;
     PhasePoint       p;
