@@ -6,8 +6,8 @@
 
    implicit in what the step adds, as on edges (drops.h). Old velocities are those at the feet of trajectories, as
    there. The interface is a curve by itself, whose nodes move with the flow where they are (dropcurve.c); then it is
-   drawn anew as the zero line of its distance on a lattice of half a cell, which is what merges and breaks it. Drops
-   that meet across a period are not seen to.
+   drawn anew as the zero line of its distance on a lattice of half a cell, which is what merges and breaks it. Of drops
+   that meet across a period one is taken over to the other before.
 
    Nothing has to be lined up, so that nothing cannot: films and necks may be as thin as the lattice. The price is in
    runs/studies/drops/notes.md ("Regularised"). Brackbill, Kothe & Zemach 1992 for the smearing. */
@@ -65,6 +65,50 @@ static PetscErrorCode take_feet(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void move_drop(PhaseCurve *curve, PetscInt drop, const PetscReal by[])
+{
+  for (PetscInt i = 0; i < 6 * curve->n; i++)
+    if (curve->drop[i / 6] == drop) curve->x[i / 6][i / 2 % 3][i % 2] += by[i % 2];
+  PhaseCurveUpdate(curve);
+}
+
+/* Centres of drops are in the domain; but drops nearer than `reach` to an image of another go over to it, since what
+   draws the curve anew knows no images */
+static PetscErrorCode bring_together(CoupleDrops *f, Couple c, PetscReal reach)
+{
+  const MeshLocal *l     = c->loc;
+  PhaseCurve      *curve = &f->interface.curve;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    PhaseSums sums;
+    PetscReal by[2];
+
+    PhaseCurveMeasure(curve, f->s->drop[k].number, &sums);
+    for (PetscInt a = 0; a < 2; a++) by[a] = DomainWrap(l->period[a], sums.centre[a], l->lower[a]) - sums.centre[a];
+    if (by[0] != 0 || by[1] != 0) move_drop(curve, f->s->drop[k].number, by);
+  }
+  for (PetscInt e = 0; e < curve->n; e++) {
+    const PetscReal place[3] = {curve->x[e][1][0], curve->x[e][1][1], 0};
+
+    for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
+      PhasePoint p;
+
+      if (i.shift[0] == 0 && i.shift[1] == 0) continue;
+      PhaseCurveClosest(curve, i.at, reach, &p);
+      if (p.edge < 0) continue;
+      PetscCheck(curve->drop[p.edge] != curve->drop[e], c->comm, PETSC_ERR_SUP,
+                 "Drop %" PetscInt_FMT
+                 " has met itself across a period at t = %g, near (%g, %g), of which -couple_drops regularised can make no layer: give "
+                 "-couple_drops aligned, or a longer period (-mesh_lower, -mesh_upper)",
+                 curve->drop[e], (double)c->step->time, (double)place[0], (double)place[1]);
+      move_drop(curve, curve->drop[e], i.shift);
+      break;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropsRegularise(CoupleDrops *f, Couple c)
 {
   const PetscReal step = LATTICE * c->loc->h;
@@ -72,6 +116,7 @@ PetscErrorCode DropsRegularise(CoupleDrops *f, Couple c)
   PetscInt        n, *number;
 
   PetscFunctionBeginUser;
+  PetscCall(bring_together(f, c, step));
   PetscCall(take_feet(f, c));
   /* nodes and middles of cells, on which a scene may have placed the interface, are on no line */
   PetscCall(PhaseCurveRetrace(&f->interface.curve,

@@ -55,6 +55,37 @@ def test_merging(drops):
     assert rows[-1]["volume"] == pytest.approx(rows[0]["volume"] + rows[1]["volume"], rel=1e-6)
 
 
+PERIOD = """
+mesh: {cells: [16, 16], lower: [-1, -1], upper: [1, 1], periodic: [x, y]}
+flow: {density: 1, viscosity: 0.1, solver: direct, velocity: "2,0"}
+particle:
+  groups: right, left
+  right: {shape: circle, radius: 0.3, position: [0.28, 0], material: fluid, surface_tension: 1}
+  left: {shape: circle, radius: 0.3, position: [-0.28, 0], material: fluid, surface_tension: 1}
+sim: {dt: 0.02, steps: 12}
+output: {every: 0}
+"""
+
+
+def run_period(run, scene, folder, *options):
+    return run([scene(PERIOD), "-couple_drops", "regularised", "-output_dir", folder, *options])
+
+
+def test_merging_across_a_period(run, scene):
+    """Two drops that overlap across a period become one, as they do in the middle of the domain; one that meets itself is refused"""
+    rows = []
+    for folder, x in (("middle", 0.28), ("across", 0.72)):
+        result = run_period(run, scene, folder, "-particle_right_position", f"{x},0", "-particle_left_position", f"{-x},0")
+        assert result.status == 0, str(result)
+        rows.append(read_rows(result.folder / folder / "drops.csv"))
+    assert len(rows[0]) == len(rows[1]) == 12
+    for name in ("volume", "v", "u", "length", "deformation"):
+        assert rows[1][-1][name] == pytest.approx(rows[0][-1][name], rel=1e-6, abs=1e-7), name
+    assert max(abs(row["x"]) for row in rows[0] + rows[1]) < 1 + 2 * 0.02
+    result = run_period(run, scene, "itself", "-particle_right_radius", "0.98", "-particle_right_position", "0,0", "-particle_left_position", "1,1", "-particle_left_radius", "0.2")
+    assert result.status and "met itself across a period" in result.err and result.err.count("error:") == 1, str(result)
+
+
 def test_break_up(drops):
     """A dumbbell drawn out breaks: two drops of one size, a small one between them or none, with its volume"""
     region = "min(min((x-0.5)^2,(x+0.5)^2)+y^2-0.06,max(abs(y)-0.06,abs(x)-0.5))"
