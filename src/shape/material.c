@@ -101,6 +101,12 @@ static PetscErrorCode read_table(const char group[], PetscInt dim, const Placeme
   PetscCheck(!sizes && !densities, PETSC_COMM_SELF, PETSC_ERR_SUP,
              "The table %s gives sizes or densities, and particles of group '%s' are all alike: remove these columns, or give each kind its own group",
              file, group);
+  for (PetscInt i = 0; i < *n; i++)
+    for (PetscInt a = 0; a < 3; a++)
+      PetscCheck((*p)[i].u[a] == 0 && (*p)[i].omega[a] == 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
+                 "The table %s gives a velocity to particle %" PetscInt_FMT
+                 " of group '%s', which is elastic and begins with that of the flow: remove the columns u, v, w and omega",
+                 file, i + 1, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -35,6 +35,22 @@ static PetscErrorCode refuse_slip(const char group[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Velocities at the start of bodies: solids and membranes have the flow's */
+static PetscErrorCode refuse_velocity(const char group[])
+{
+  static const char *const START[] = {"_velocity", "_angular_velocity", "_initial_velocity"};
+  char                     name[OPT_NAME], value[128];
+
+  PetscFunctionBeginUser;
+  PetscCall(find_given(group, PETSC_STATIC_ARRAY_LENGTH(START), START, name));
+  if (!name[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeek(name, value, sizeof(value)));
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP,
+          "%s %s: group '%s' is elastic, which begins with the velocity of the flow in its place, without a flow at rest: remove it "
+          "and give the flow one with -flow_initial, or give -particle_%s_material rigid",
+          name, value, group, group);
+}
+
 /* What is of solids alone: a membrane has no volume, and what is in it is a fluid of the same density */
 static PetscErrorCode refuse_of_solids(const char group[])
 {
@@ -77,6 +93,7 @@ static PetscErrorCode read_material(SolidGroup *g)
 
   PetscFunctionBeginUser;
   PetscCall(refuse_slip(g->name));
+  PetscCall(refuse_velocity(g->name));
   if (g->membrane) {
     PetscCall(read_membrane(g));
     PetscFunctionReturn(PETSC_SUCCESS);
