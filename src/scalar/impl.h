@@ -274,6 +274,8 @@ typedef struct {
 } ScalarLumpProduct;
 /* Is a node one of a body with one value? */
 PetscBool ScalarIsLumped(const Scalar *, PetscInt i);
+/* Is an own node, of the matrix there is, solved for: neither fixed nor in no cell of the problem? */
+PetscBool ScalarIsFree(const Scalar *, PetscInt i);
 /* After ScalarsPredict: nodes get the values of their bodies. Collective. */
 PetscErrorCode ScalarLumpsBegin(Scalars, Scalar *);
 /* After ScalarAssemble: right-hand side, product and rows of the preconditioner. Collective. */

@@ -15,6 +15,11 @@ PetscBool ScalarIsLumped(const Scalar *s, PetscInt i)
   return (PetscBool)(find_lump(s, i) >= 0);
 }
 
+PetscBool ScalarIsFree(const Scalar *s, PetscInt i)
+{
+  return (PetscBool)(s->owner[i] < 0 && (s->seen[i] || ScalarIsLumped(s, i)));
+}
+
 static PetscReal *get_values(const Scalar *s, PetscInt b)
 {
   return s->lumps->value + b * s->lumps->stride;

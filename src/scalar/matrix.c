@@ -117,7 +117,7 @@ static void set_fixed(Scalars all, const Scalar *s, const Values *v)
     const PetscInt c = l->node_cell[l->node_cell_ptr[i]];
     PetscInt       j = 0;
 
-    if (s->owner[i] < 0 && (s->seen[i] || ScalarIsLumped(s, i))) continue;
+    if (ScalarIsFree(s, i)) continue;
     while (l->cell_node[c * l->nb + j] != i) j++;
     v->value[0][v->start[0][i] + all->entry[(c * l->nb + j) * l->nb + j]] = 1;
     s->rhs[i]                                                             = s->x[i];

@@ -197,10 +197,10 @@ static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec
   PetscCall(MatMult(ScalarGetProduct(s), x, work));
   PetscCall(VecGetArrayRead(work, &v));
   for (PetscInt i = 0; i < l->nnode; i++)
-    if (s->owner[i] < 0) sum[0] += s->rhs[i] - v[i];
+    if (ScalarIsFree(s, i)) sum[0] += s->rhs[i] - v[i];
   PetscCall(VecRestoreArrayRead(work, &v));
   PetscCall(VecGetArray(work, &w));
-  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0 && (s->seen[i] || ScalarIsLumped(s, i));
+  for (PetscInt i = 0; i < l->nnode; i++) w[i] = ScalarIsFree(s, i);
   PetscCall(VecRestoreArray(work, &w));
   PetscCall(sum_shift(s, l->nnode, work, rows, sum + 1));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
