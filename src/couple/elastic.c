@@ -348,6 +348,13 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
     b->residual[i % c->loc->dim] -= e->load[i];
     b->size += PetscAbsReal(e->load[i]);
   }
+  /* a membrane has no mass and pushes nothing as a whole: the pull across a cut through its middle, about */
+  for (PetscInt k = 0; k < e->s->n && SolidsAreMembranes(e->s); k++) {
+    SolidSums sums;
+
+    SolidsMeasure(e->solids, k, &sums);
+    b->size += sums.strain_energy / e->s->group[e->s->group_of[k]].mesh.radius;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

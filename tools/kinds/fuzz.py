@@ -11,6 +11,7 @@
   tools/fuzz --seeds 2001-2200 --output out/fuzz from 2001 on the scenes of below with scalars in the flow and on bodies (kinds/fuzzscalars.py)
   tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops (kinds/fuzzdrops.py)
   tools/fuzz --seeds 4001-4200 --output out/fuzz from 4001 on elastic particles (kinds/fuzzsolids.py)
+  tools/fuzz --seeds 5001-5200 --output out/fuzz from 5001 on membranes (kinds/fuzzsolids.py)
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, methods, presets, ranks are drawn from it.
 A run ends as
@@ -278,7 +279,8 @@ def in_a_word(scene):
     """What a reader of the table wants to know of a scene."""
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
     words = ["3D" if mesh.get("dimension") == 3 or mesh.get("kind") in ("tube", "ball", "shell") else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
-    words += [f"{bodies[name].get('shape', 'region')} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
+    around = scene["flow"].get("density", 1)  # what a membrane has inside, too
+    words += [f"{bodies[name].get('shape', 'region')} {bodies[name].get('density', around) / around:.2g}" for name in bodies["groups"]] or ["no bodies"]
     mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "track" in mesh else ""]
     words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "suspension" in scene.get("output", {}) else ""]
     words += [scene.get("preset", ""), scene["flow"].get("solver", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]

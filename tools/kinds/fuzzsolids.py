@@ -1,5 +1,6 @@
 """Random scenes with elastic particles, of tools/fuzz for its seeds from 4001 on: shapes, both laws, stiffness from liquid to nearly rigid, ratios
 of density, held or free, several a group, beside walls, rigid discs and one another, in streams and periodic boxes, in the plane and in space.
+From 5001 on membranes likewise: both laws, resistance to area and bending, a fluid inside of another viscosity.
 
 A run that ends must keep what elastic particles promise: areas and volumes of incompressible ones, places in the domain, speeds that stream and
 gravity can have made, balance of momentum and books of energy; a restart on other ranks ends at the same places.
@@ -10,7 +11,7 @@ import random
 
 from kinds.fuzzdraws import MOMENTUM, power, some
 
-FIRST = 4001
+FIRST, MEMBRANES = 4001, 5001
 VOLUME = 0.03  # of an incompressible one, after the first steps of a scene that was drawn without regard to its step
 SPEED = 20  # times what stream and gravity can have made
 BOOKS = 0.05  # of what was lost
@@ -48,21 +49,47 @@ def draw_shape(draw, s):
     return {"shape": kind, **sizes[kind]}
 
 
-def draw_solid(draw, s, slot):
-    """One solid, or some of a group; slot: part of the box along x"""
-    body = {**draw_shape(draw, s), "density": s.density * s.ratio, "material": draw.choice(["neo_hookean", "neo_hookean", "st_venant_kirchhoff"]), "shear_modulus": s.modulus * power(draw, -1, 1)}
+def put(draw, s, slot, body):
     body["position"] = [s.upper[0] * draw.uniform(*slot)] + [x * draw.uniform(0.25, 0.75) for x in s.upper[1:]]
     if s.dim == 2:
         body["angle"] = draw.uniform(-2, 2)
+
+
+def put_several(draw, slot, body):
+    """Now and then several, where the group has the box for itself"""
+    if slot == (0.25, 0.75) and some(draw, 0.2):
+        body.pop("position"), body.pop("angle", None)
+        body.update(place=draw.choice(["lattice", "random"]), count=draw.randint(2, 4))
+
+
+def draw_solid(draw, s, slot):
+    """One solid, or some of a group; slot: part of the box along x"""
+    body = {**draw_shape(draw, s), "density": s.density * s.ratio, "material": draw.choice(["neo_hookean", "neo_hookean", "st_venant_kirchhoff"]), "shear_modulus": s.modulus * power(draw, -1, 1)}
+    put(draw, s, slot, body)
     if some(draw, 0.2):
         body["poisson"] = draw.uniform(0, 0.49)
     if some(draw, 0.2):
         body["solid_viscosity"] = s.viscosity * power(draw, -1, 1)
     if some(draw, 0.25):
         body["clamp"] = f"{body['position'][1]:.6g} - {0.3 * s.radius:.6g} - y"
-    elif slot == (0.25, 0.75) and some(draw, 0.2):
-        body.pop("position"), body.pop("angle", None)
-        body.update(place=draw.choice(["lattice", "random"]), count=draw.randint(2, 4))
+    else:
+        put_several(draw, slot, body)
+    return body
+
+
+def draw_membrane(draw, s, slot):
+    modulus = s.modulus * s.radius * power(draw, -1, 1)
+    body = {**draw_shape(draw, s), "material": "membrane", "surface_modulus": modulus}
+    put(draw, s, slot, body)
+    if some(draw, 0.5):
+        body["membrane_law"] = "skalak"
+    if some(draw, 0.4):
+        body["area_modulus"] = modulus * power(draw, -1, 2)
+    if some(draw, 0.5):
+        body["bending"] = modulus * s.radius**2 * power(draw, -4, 0)
+    if some(draw, 0.4):
+        body["viscosity"] = s.viscosity * power(draw, -1.5, 1.5)
+    put_several(draw, slot, body)
     return body
 
 
@@ -79,11 +106,11 @@ def draw_walls(draw, s, scene):
         flow["bc"] = {"top": {"type": "moving_wall", "velocity": [s.stream, *along]}, "bottom": {"type": draw.choice(["no_slip", "slip"])}}
 
 
-def draw_scene(draw):
+def draw_scene(draw, draw_particle):
     s = Scales(draw)
     names = ["one", "two"][: draw.choice([1, 1, 2])]
     slots = [(0.25, 0.75)] if len(names) == 1 else [(0.2, 0.4), (0.6, 0.8)]
-    particle = {"groups": list(names), **{name: draw_solid(draw, s, slot) for name, slot in zip(names, slots)}}
+    particle = {"groups": list(names), **{name: draw_particle(draw, s, slot) for name, slot in zip(names, slots)}}
     if some(draw, 0.3):
         particle["groups"].append("disc")
         particle["disc"] = {"shape": "circle", "radius": s.h * draw.uniform(1, 2.5), "density": s.density * draw.choice([0.5, 2, 10]), "position": [x * draw.uniform(0.25, 0.75) for x in s.upper]}
@@ -152,5 +179,6 @@ def check_solids(run, scene, s):
 def draw_solids(seed):
     """Kind, scene, ranks, scales, files, check, as fuzzkinds.draw_kind"""
     draw = random.Random(f"solids {seed}")
-    scene, s = draw_scene(draw)
-    return "solids", scene, draw.choice([1, 1, 1, 2]), s, {"outline.txt": "0 0\n3 0\n3 1.2\n1.2 1.2\n1.2 2\n0 2\n"}, check_solids
+    kind, draw_particle = ("membranes", draw_membrane) if seed >= MEMBRANES else ("solids", draw_solid)
+    scene, s = draw_scene(draw, draw_particle)
+    return kind, scene, draw.choice([1, 1, 1, 2]), s, {"outline.txt": "0 0\n3 0\n3 1.2\n1.2 1.2\n1.2 2\n0 2\n"}, check_solids
