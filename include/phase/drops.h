@@ -36,6 +36,7 @@ typedef struct {
   PetscReal inside, inside_old; /* volume within bodies that it wets, beside that; one step earlier */
   PhaseSums sums;               /* at the end of the last step; volume: sums.area */
   PetscReal velocity[3];        /* mean over its volume, likewise */
+  PetscBool leaves;             /* in this step, through an opening: it is in no interface any more */
   PetscReal flux[3];            /* integral of the velocity over its cells, in the last solve */
 } Drop;
 
@@ -48,11 +49,13 @@ typedef struct {
   PetscInt         vanished;       /* group of a drop that has vanished, -1: none has */
   PetscInt         npair;          /* neighbours in the last step, where drops may stay apart */
   DropPair        *pair;
-  PetscReal        time;      /* of that step */
-  PetscReal        lost;      /* volume of drops that vanished so far */
-  PetscReal        shift;     /* largest way along its normals that kept a volume in the last step, cells */
-  PhaseInterface   interface; /* at the end of the last step; nothing before the first */
-  const PetscInt  *cell_drop; /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
+  PetscReal        time;        /* of that step */
+  PetscReal        lost;        /* volume of drops that vanished so far */
+  PetscInt         left;        /* that have left through openings so far, */
+  PetscReal        left_volume; /* their volume */
+  PetscReal        shift;       /* largest way along its normals that kept a volume in the last step, cells */
+  PhaseInterface   interface;   /* at the end of the last step; nothing before the first */
+  const PetscInt  *cell_drop;   /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
 } DropsState;
 
 typedef struct _p_Drops *Drops;

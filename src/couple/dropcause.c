@@ -4,7 +4,6 @@
 #include "impl.h"
 #include "base/log.h"
 #include "fem/edge.h"
-#include "flow/condition.h"
 
 #define NEAR  2.0  /* cells around the place that are looked at */
 #define FAST  0.7  /* such a way is said to be the cause */
@@ -69,32 +68,13 @@ static void look_around(const MeshLocal *l, const PhaseInterface *f, PetscInt dr
   }
 }
 
-/* Name of the opening that the whole side is, NULL: it is none */
-static PetscErrorCode find_opening(Couple c, PetscInt side, const char **name)
-{
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  *name = NULL;
-  PetscCall(MeshGetBoundaryCount(c->mesh, &n));
-  for (PetscInt b = 0; b < n && !*name; b++) {
-    PetscInt  on;
-    PetscBool wall, open;
-
-    PetscCall(MeshGetBoundarySides(c->mesh, b, &on));
-    PetscCall(ConditionsGetKind(FlowConditions(c->flow), b, &wall, &open));
-    if (open && on == 1 << side) PetscCall(MeshGetBoundaryName(c->mesh, b, name));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What is worst; opening: the nearest side is, NULL: it is a wall */
 static void describe(const Cause *w, const char opening[], char text[], size_t len)
 {
   if (w->wall < 1.5 && opening)
     (void)
       snprintf(text, len,
-               "it has come to the opening '%s', through which drops cannot leave yet: end the run before that (-sim_time), or move the opening "
+               "it has come to the opening '%s' and is not one that could leave there (in space none can): end the run before that (-sim_time), or move the opening "
                "farther away (-mesh_lower, -mesh_upper)",
                opening);
   else if (w->way > FAST)
@@ -142,7 +122,7 @@ static PetscErrorCode explain(const CoupleDrops *f, Couple c, const PhaseInterfa
   PetscFunctionBeginUser;
   look_around(c->loc, interface, drop, &w);
   PetscCall(find_way(f, c, drop, &w));
-  PetscCall(find_opening(c, w.side, &opening));
+  PetscCall(DropsFindOpening(c, w.side, &opening));
   describe(&w, opening, text, len);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -185,6 +185,7 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   } else {
     PetscCall(find_way(f, c));
     PetscCall(DropsGather(f, c, f->cell_drop, f->way, &now));
+    PetscCall(DropsLetLeave(f, c, &now));
     PetscCall(PhaseInterfaceDestroy(&f->interface));
     f->interface = now;
     PetscCall(DropsMeetBodies(f, c));
@@ -244,7 +245,7 @@ PetscErrorCode DropsName(CoupleDrops *f, Couple c, PetscInt n, const PhaseInterf
   PetscCall(DropsInherit(f->drops, &f->interface, now, n, volume, number, &changed));
   f->broke = f->s->broken > before ? GIVEN_BACK : PetscMax(0, f->broke - 1);
   if (!f->lined_up) PetscCall(DropsCheckStart(f, c, n, volume, number));
-  PetscCheck(f->s->n, c->comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(f->s->n || f->s->left, c->comm, PETSC_ERR_USER_INPUT,
              "The last drop has vanished at t = %g: it had no cell's middle in it any more: use smaller cells (-mesh_cells)",
              (double)c->step->time);
   if (changed && f->lined_up) PetscCall(begin_anew(f, c));

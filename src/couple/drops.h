@@ -148,6 +148,11 @@ PetscErrorCode DropsGatherSheet(CoupleDrops *, Couple, const PetscInt cell_drop[
 void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9]);
 /* The sheet of the checkpoint. Collective. */
 PetscErrorCode DropsVisitSheet(State, PhaseSheet *);
+/* dropleave.c. Name of the opening that the whole side 2 axis + (upper one) is, NULL: it is none. Collective. */
+PetscErrorCode DropsFindOpening(Couple, PetscInt side, const char **name);
+/* Drops of the interface `now`, that of f->interface a step later, which have come to an opening leave it; told.
+   Collective. */
+PetscErrorCode DropsLetLeave(CoupleDrops *, Couple, PhaseInterface *now);
 /* dropcause.c. Error: the mesh cannot be lined up, and why. Collective. */
 PetscErrorCode DropsStop(CoupleDrops *, Couple);
 /* Error: a drop is so far off its volume that its run means nothing, and why. After DropsAccept. Collective. */

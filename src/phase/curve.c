@@ -333,6 +333,30 @@ static void shift_of_node(const PhaseCurve *c, PetscInt e, PetscInt j, PetscReal
   n[1] /= size;
 }
 
+PetscErrorCode PhaseCurveRemove(PhaseCurve *c, PetscInt drop)
+{
+  PhaseCurve left;
+  PetscInt  *to, n = 0; /* [n] number of what stays */
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->n, &to));
+  for (PetscInt e = 0; e < c->n; e++) to[e] = c->drop[c->edge[c->first[c->loop[e]]]] == drop ? -1 : n++;
+  PetscCall(PhaseCurveCreate(n, &left));
+  for (PetscInt e = 0; e < c->n; e++) {
+    if (to[e] < 0) continue;
+    PetscCall(PetscArraycpy(&left.x[to[e]], &c->x[e], 1));
+    left.drop[to[e]]   = c->drop[e];
+    left.wall[to[e]]   = c->wall[e];
+    left.next[to[e]]   = to[c->next[e]];
+    left.before[to[e]] = to[c->before[e]];
+  }
+  PhaseCurveLink(&left);
+  PetscCall(PetscFree(to));
+  PetscCall(PhaseCurveDestroy(c));
+  *c = left;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PhaseCurveShift(PhaseCurve *c, PetscInt drop, PetscReal way)
 {
   PetscReal(*n)[3][2];

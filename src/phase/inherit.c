@@ -131,7 +131,10 @@ static PetscBool count_events(DropsState *s, const Descent *d)
       if (root_of(d, j) == i) *(j < d->nold ? &olds : &parts) += 1;
     if (olds == 1 && parts == 1) continue;
     changed = PETSC_TRUE;
-    if (!parts) {
+    if (!parts && s->drop[i].leaves) {
+      s->left++;
+      s->left_volume += s->drop[i].target;
+    } else if (!parts) {
       s->lost += s->drop[i].target;
       s->vanished = s->drop[i].group;
     } else {

@@ -189,6 +189,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"drops_broken", "", 12, "how often one has become two"},
   {"drop_volume_error", "", 12, "largest error of a drop's volume, relative"},
   {"drop_volume_lost", "length^3 (2D: length^2)", 12, "volume of drops that vanished so far"},
+  {"drops_left", "", 12, "in the plane: drops that have left through openings so far"},
+  {"drop_volume_left", "length^3 (2D: length^2)", 12, "their volume"},
   {"drop_volume_shift", "cells", 12, "largest way of an interface along its normals that kept a volume in the step"},
   {"spring_energy", "energy", 12,
    "with -particle_<group>_spring or _mooring_stiffness: stored in springs and moorings"},

@@ -22,11 +22,14 @@ enum {
   BROKEN,
   VOLUME_ERROR,
   LOST,
+  LEFT,
+  LEFT_VOLUME,
   SHIFT,
   NCOLUMN
 };
 static const char *const COLUMNS[NCOLUMN] =
-  {"drops", "drops_merged", "drops_broken", "drop_volume_error", "drop_volume_lost", "drop_volume_shift"};
+  {"drops",      "drops_merged",     "drops_broken",     "drop_volume_error", "drop_volume_lost",
+   "drops_left", "drop_volume_left", "drop_volume_shift"};
 
 struct _p_DropReport {
   MPI_Comm    comm;
@@ -111,7 +114,7 @@ void DropReportMarkCells(DropReport r)
 /* That a volume is off, once: not after an event, which takes some steps to make good */
 static PetscErrorCode remark_volume(DropReport r, PetscInt step, PetscReal time, PetscReal error)
 {
-  const PetscInt events = r->s->merged + r->s->broken;
+  const PetscInt events = r->s->merged + r->s->broken + r->s->left;
 
   PetscFunctionBeginUser;
   if (events != r->events) r->event = step;
@@ -147,10 +150,14 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
   PetscCall(MonitorSetColumn(r->monitor, r->column[BROKEN], (PetscReal)r->s->broken));
   PetscCall(MonitorSetColumn(r->monitor, r->column[VOLUME_ERROR], error));
   PetscCall(MonitorSetColumn(r->monitor, r->column[LOST], r->s->lost));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[LEFT], (PetscReal)r->s->left));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[LEFT_VOLUME], r->s->left_volume));
   PetscCall(MonitorSetColumn(r->monitor, r->column[SHIFT], r->s->shift));
   PetscCall(MonitorQuantity(r->monitor, "drops", (PetscReal)r->s->n));
   PetscCall(MonitorQuantity(r->monitor, "drops_merged", (PetscReal)r->s->merged));
   PetscCall(MonitorQuantity(r->monitor, "drops_broken", (PetscReal)r->s->broken));
+  PetscCall(MonitorQuantity(r->monitor, "drops_left", (PetscReal)r->s->left));
+  PetscCall(MonitorQuantity(r->monitor, "drop_volume_left", r->s->left_volume));
   PetscCall(MonitorQuantity(r->monitor, "drop_volume_error_max", r->worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -249,19 +249,37 @@ def test_checkpoint_beside_falling_disc(run, scene):
 
 LEAVES = """
 mesh: {cells: [16, 8], upper: [2, 1]}
-flow: {solver: direct, density: 1, viscosity: 0.1, bc_left: {type: inflow, velocity: [1, 0]}, bc_right: {type: outflow}, bc_top: {type: slip}, bc_bottom: {type: slip}}
+flow: {solver: direct, velocity: "1,0", density: 1, viscosity: 0.1, bc_left: {type: inflow, velocity: [1, 0]}, bc_right: {type: outflow}, bc_top: {type: slip}, bc_bottom: {type: slip}}
 particle:
-  groups: drop
-  drop: {shape: circle, radius: 0.25, position: [1.5, 0.5], material: fluid, surface_tension: 1}
-sim: {dt: 0.04, time: 2}
+  groups: drop, other
+  drop: {shape: circle, radius: 0.25, position: [1.5, 0.5], material: fluid, density: 2, surface_tension: 1}
+  other: {shape: circle, radius: 0.2, position: [0.6, 0.5], material: fluid, surface_tension: 1}
+sim: {dt: 0.04, steps: 8}
+checkpoint: {every: 2}
 output: {every: 0}
 """
 
 
-def test_opening(run, scene):
-    """A drop that comes to an opening stops the run with a message that says so."""
-    result = run([scene(LEAVES), "-output_dir", "out"])
-    assert result.status and "has come to the opening 'right'" in result.err and result.err.count("error:") == 1, str(result)
+@pytest.mark.parametrize("form", ["aligned", "regularised"])
+def test_opening(run, scene, form):
+    """A drop that comes to an opening leaves there as a whole, told once; another goes on, to the bit after a restart, the same on 3 ranks."""
+    rows, options = [], [scene(LEAVES), "-couple_drops", form]
+    for folder, ranks in (("one", 1), ("three", 3)):
+        result = run([*options, "-output_dir", folder], ranks)
+        assert result.status == 0 and (result.err + result.out).count("has come to the opening 'right'") == 1, str(result)
+        series = read_rows(result.folder / folder / "series.csv")
+        assert [row["drops"] for row in series] == [2] * 3 + [1] * 5, series
+        assert series[-1]["drops_left"] == 1 and series[-1]["drop_volume_lost"] == 0
+        assert series[-1]["drop_volume_left"] == pytest.approx(math.pi * 0.25**2, rel=1e-3)
+        assert max(row["drop_volume_error"] for row in series) < 1e-10 and max(row["momentum_error"] for row in series) < 1e-9
+        rows.append(read_rows(result.folder / folder / "drops.csv"))
+        assert rows[-1][-1]["drop"] == 1 and rows[-1][-1]["x"] == pytest.approx(0.6 + 8 * 0.04, abs=5e-3)
+    for name in ("volume", "x", "u", "length"):
+        assert rows[1][-1][name] == pytest.approx(rows[0][-1][name], rel=1e-6), name
+    for steps, more in (("2", []), ("8", ["-sim_restart", "latest"])):
+        result = run([*options, "-output_dir", "part", "-sim_steps", steps, *more])
+        assert result.status == 0, str(result)
+    assert read_rows(result.folder / "part" / "drops.csv") == rows[0]
 
 
 FLOATS = [RUNS / "disc-at-interface.yaml", "-mesh_cells", "24,18", "-sim_dt", "0.1", "-output_every", "0"]
