@@ -349,22 +349,24 @@ PetscBool DropsWet(const DropsState *s)
 PetscErrorCode DropsVisitState(void *drops, State state)
 {
   DropsState *s    = &((Drops)drops)->s;
-  PetscInt    n[5] = {s->n, s->numbers, s->merged, s->broken, s->left}, *which;
+  PetscInt    n[4] = {s->n, s->numbers, s->merged, s->broken}, *which;
   PetscReal  *value;
+  PetscBool   has = PETSC_TRUE;
 
   PetscFunctionBeginUser;
-  PetscCall(StateInts(state, "counts", 5, n));
+  PetscCall(StateInts(state, "counts", 4, n));
   if (StateIsLoading(state)) {
     s->n       = n[0];
     s->numbers = n[1];
     s->merged  = n[2];
     s->broken  = n[3];
-    s->left    = n[4];
     PetscCall(PetscFree(s->drop));
     PetscCall(PetscCalloc1(s->n, &s->drop));
   }
   PetscCall(StateReals(state, "lost", 1, &s->lost));
-  PetscCall(StateReals(state, "left_volume", 1, &s->left_volume));
+  if (StateIsLoading(state)) PetscCall(StateHas(state, "left", &has)); /* a checkpoint of before has none */
+  if (has) PetscCall(StateInts(state, "left", 1, &s->left));
+  if (has) PetscCall(StateReals(state, "left_volume", 1, &s->left_volume));
   if (DropsMayStayApart(s)) PetscCall(DropsVisitPairs(s, state));
   PetscCall(PetscMalloc2(2 * s->n, &which, s->n, &value));
   for (PetscInt i = 0; i < s->n; i++) {
