@@ -192,8 +192,8 @@ typedef struct {
 } ScalarExcess;
 /* Local, after ScalarsSolve or ScalarsPredict. */
 PetscErrorCode ScalarsMeasureExcess(Scalars, PetscInt s, PetscInt c, ScalarExcess *);
-/* Over the own cells of the problem, of this rank: int c T, int c d(T) and int c T_theta div V, V [nnode_all][dim] the
-   velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole, NULL: none). After ScalarsSolve or ScalarsPredict,
+/* Over the own cells of the problem, of this rank: int c T, int c d(T) and int c T_theta div V less what of it goes
+   through boundaries, V [nnode_all][dim] the velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole, NULL: none). After ScalarsSolve or ScalarsPredict,
    and ScalarsFindGrowing of the step. Local. */
 PetscErrorCode ScalarsFindGrowing(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[]);
 PetscErrorCode ScalarsMeasureGrowth(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[], PetscReal sum[3]);

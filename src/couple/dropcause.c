@@ -74,7 +74,7 @@ static void describe(const Cause *w, const char opening[], char text[], size_t l
   if (w->wall < 1.5 && opening)
     (void)
       snprintf(text, len,
-               "it has come to the opening '%s' and is not one that could leave there (in space none can): end the run before that (-sim_time), or move the opening "
+               "it has come to the opening '%s' and is not one that could leave there (none can in space, or with -scalars): end the run before that (-sim_time), or move the opening "
                "farther away (-mesh_lower, -mesh_upper)",
                opening);
   else if (w->way > FAST)

@@ -43,7 +43,8 @@ PetscErrorCode DropsLetLeave(CoupleDrops *f, Couple c, PhaseInterface *now)
   const MeshLocal *l = c->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 4 * f->s->n && l->dim == 2; i++) {
+  if (l->dim == 3 || c->scalars) PetscFunctionReturn(PETSC_SUCCESS); /* what scalars it has would stay behind */
+  for (PetscInt i = 0; i < 4 * f->s->n; i++) {
     const PetscInt  side = i % 4;
     Drop           *d    = f->s->drop + i / 4;
     const PetscReal gap  = find_gap(l, &now->curve, d->number, side);

@@ -2,6 +2,8 @@
    the fluid's (scalar.h). Same quadrature as the matrix. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
+#include "fem/side.h"
 
 typedef struct {
   PetscReal    history[MESH_MAX_NB]; /* d0 T^n + d1 T^{n-1} at the nodes */
@@ -117,6 +119,34 @@ PetscErrorCode ScalarsFindGrowing(Scalars all, PetscInt i, const PetscReal V[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nodes of boundaries may be those of a fluid that goes through: int c T_theta V.n over a face of cell c */
+static PetscErrorCode measure_through(Scalars all, const Scalar *s, PetscInt c, PetscInt side, const PetscReal V[],
+                                      PetscReal *sum)
+{
+  const PetscInt  dim = all->loc->dim, nb = all->loc->nb, axis = side / 2;
+  const PetscReal out = side % 2 ? 1 : -1, capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+  PetscReal       xc[MESH_MAX_NB * 3];
+  ScalarValues    v;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  PetscCall(ScalarCellValues(all, s, c, &v));
+  for (PetscInt q = 0; q < (dim == 2 ? 3 : 9); q++) {
+    PetscReal xi[3], x[3], J[9], inverse[9], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], det, weight, theta = 0, along = 0;
+
+    weight = SidePoint(dim, side, q, xi);
+    ElementMap(dim, xc, xi, x, J);
+    det = DenseInvertMap(dim, J, inverse);
+    ElementBasis(dim, xi, phi, dphi);
+    for (PetscInt j = 0; j < nb; j++) {
+      theta += phi[j] * v.theta[j];
+      for (PetscInt a = 0; a < dim; a++) along += out * det * inverse[axis * dim + a] * phi[j] * V[j * dim + a];
+    }
+    *sum += weight * capacity * theta * along;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[], const PetscInt skip[],
                                     PetscReal sum[3])
 {
@@ -134,6 +164,18 @@ PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[]
 
     ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
     PetscCall(add_growth(all, s, c, !skip || skip[c] < 0 ? vc : NULL, sum));
+  }
+  for (PetscInt k = 0; k < all->nface; k++) {
+    const PetscInt c     = all->face[k].cell;
+    PetscBool      moves = PETSC_FALSE;
+    PetscReal      vc[MESH_MAX_NB * 3], through = 0;
+
+    if (c >= all->loc->ncell || !ScalarCellIsActive(s, c) || (skip && skip[c] >= 0)) continue;
+    ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
+    for (PetscInt j = 0; j < all->loc->nb * all->loc->dim; j++) moves = (PetscBool)(moves || vc[j] != 0);
+    if (!moves) continue;
+    PetscCall(measure_through(all, s, c, all->face[k].side, vc, &through));
+    sum[2] -= through;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -98,3 +98,28 @@ def test_ranks_and_restart(series, material):
 def test_refused(run, scene, options, message):
     result = run([scene(CONDUCTS), "-output_dir", "out", *options])
     assert result.status != 0 and message in result.err + result.out, str(result)
+
+
+# Goes with a stream between an inflow and an outflow
+STREAM = """mesh: {cells: [16, 16]}
+flow: {density: 1, viscosity: 1, velocity: [1, 0], bc_left: {type: inflow, velocity: [1, 0]}, bc_right: {type: outflow}, bc_bottom: {type: slip}, bc_top: {type: slip}}
+scalars: heat
+scalar: {heat: {conductivity: 0.2, bc: {left: {value: 0}}, initial: "exp(-40*((x-0.5)^2+(y-0.5)^2))"}}
+particle: {groups: p, p: {shape: circle, radius: 0.25, position: [0.5, 0.5], density: 1}}
+sim: {dt: 0.02, steps: 10}
+output: {every: 0}
+"""
+
+
+def test_openings_near_nodes_that_go_along(series):
+    """A drop of what the fluid is made of changes nothing, though its nodes come to both openings"""
+    none = STREAM.replace("particle: {groups: p, p: {shape: circle, radius: 0.25, position: [0.5, 0.5], density: 1}}\n", "")
+    alone, drop = series(none)[-1], series(STREAM, *DROP)[-1]
+    assert drop["scalar_content_heat"] == pytest.approx(alone["scalar_content_heat"], rel=2e-3)
+    assert drop["scalar_max_heat"] == pytest.approx(alone["scalar_max_heat"], rel=1e-2)  # seen: .65 %
+
+
+def test_no_drop_leaves_with_scalars(run, scene):
+    """What it carries would stay behind"""
+    result = run([scene(STREAM), "-output_dir", "out", *DROP, "-sim_steps", "30"])
+    assert result.status != 0 and "none can in space, or with -scalars" in result.err, str(result)
