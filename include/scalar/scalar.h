@@ -193,8 +193,8 @@ typedef struct {
 /* Local, after ScalarsSolve or ScalarsPredict. */
 PetscErrorCode ScalarsMeasureExcess(Scalars, PetscInt s, PetscInt c, ScalarExcess *);
 /* Over the own cells of the problem, of this rank: int c T, int c d(T) and int c T_theta div V less what of it goes
-   through boundaries, V [nnode_all][dim] the velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole, NULL: none). After ScalarsSolve or ScalarsPredict,
-   and ScalarsFindGrowing of the step. Local. */
+   through boundaries, V [nnode_all][dim] the velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole, NULL:
+   none). After ScalarsSolve or ScalarsPredict, and ScalarsFindGrowing of the step. Local. */
 PetscErrorCode ScalarsFindGrowing(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[]);
 PetscErrorCode ScalarsMeasureGrowth(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[], PetscReal sum[3]);
 /* int over local cell c of v [n^dim], by sub-cells as of ScalarSamples; n 0: of the number *v. Local. */
