@@ -6,13 +6,22 @@
 #include "impl.h"
 #include "scalarfields.h"
 #include "scalarphases.h"
+#include "base/opt.h"
+#include <strings.h>
 
 PetscErrorCode ElasticAddPhases(Elastic *e, Couple c)
 {
   const PetscInt n = SolidsAreMembranes(e->s) ? 0 : e->s->ngroups; /* what a membrane encloses is the fluid */
   ScalarPhase   *phase;
+  char           adapt[16];
 
   PetscFunctionBeginUser;
+  PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
+  PetscCheck(!c->scalars || !e->aligned || e->anchored || !adapt[0] || !strcasecmp(adapt, "false"), c->comm,
+             PETSC_ERR_SUP,
+             "-sim_adapt %s with -couple_method aligned and -scalars: a step whose nodes have gone along with elastic particles cannot be taken again "
+             "yet: remove it, or use -couple_method penalty",
+             adapt);
   PetscCall(PetscMalloc1(n, &phase));
   for (PetscInt g = 0; g < n; g++)
     phase[g] = (ScalarPhase){.name = e->s->group[g].name, .density = e->s->group[g].density};

@@ -91,6 +91,7 @@ def test_ranks_and_restart(series, material):
 
 @pytest.mark.parametrize("options, message", [
     ([*DROP, "-particle_p_heat_condition", "value"], "-particle_p_heat_condition value: group 'p' is no rigid body"),
+    ([*SOFT, "-sim_adapt", "true"], "a step whose nodes have gone along with elastic particles cannot be taken again"),
     ([*DROP, "-particle_p_heat_expansion", "0.1"], "give -scalar_heat_expansion too"),
     ([*DROP, "-particle_groups", "p,q", "-particle_q_shape", "circle", "-particle_q_radius", "0.1", "-particle_q_free", "none", "-particle_q_position", "0.1,0.1", "-couple_method", "penalty"],
      "both rigid bodies and drops or elastic particles"),
