@@ -69,19 +69,20 @@ static PetscErrorCode set_viscosity(Couple c, CoupleScalars s, PetscReal extrapo
 
 /* ---- a step ---- */
 
+/* T at the point theta of the step is about T^n and so much of what it changed by in the step before */
+static PetscReal get_extrapolation(const FlowStep *f)
+{
+  return f->order == 2 && f->dt_old > 0 ? f->theta * f->dt / f->dt_old : 0;
+}
+
 static PetscErrorCode begin_step(Couple c, void *data)
 {
-  CoupleScalars   s      = (CoupleScalars)data;
-  const FlowStep *f      = c->step;
-  const PetscBool steady = (PetscBool)(f->dt == 0);
-  ScalarStep      step =
-    {.time = f->time, .dt = f->dt, .ct = steady ? 0 : f->ct, .d0 = steady ? 0 : f->d0, .d1 = f->d1, .theta = f->theta};
+  CoupleScalars   s             = (CoupleScalars)data;
+  const PetscReal extrapolation = get_extrapolation(c->step);
 
   PetscFunctionBeginUser;
-  if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
-  if (s->viscosity_of) PetscCall(set_viscosity(c, s, step.extrapolation));
-  PetscCall(ScalarsBeginStep(s->scalars, &step));
-  PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars, step.extrapolation));
+  if (s->viscosity_of) PetscCall(set_viscosity(c, s, extrapolation));
+  PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars, extrapolation));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -102,12 +103,22 @@ PetscBool CouplePhasesHaveBegun(Couple c)
   return (PetscBool)(!c->scalars || c->scalars->started);
 }
 
-/* Bodies are where the step has them */
+/* Bodies are where the step has them, which is the scheme's of the flow now: it may have begun anew (dropmesh.c) */
 static PetscErrorCode find_bodies(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)data;
+  CoupleScalars    s      = (CoupleScalars)data;
+  const FlowStep  *f      = c->step;
+  const PetscBool  steady = (PetscBool)(f->dt == 0);
+  const ScalarStep step   = {.time          = f->time,
+                             .dt            = f->dt,
+                             .ct            = steady ? 0 : f->ct,
+                             .d0            = steady ? 0 : f->d0,
+                             .d1            = f->d1,
+                             .theta         = f->theta,
+                             .extrapolation = get_extrapolation(f)};
 
   PetscFunctionBeginUser;
+  PetscCall(ScalarsBeginStep(s->scalars, &step));
   if (s->phases) PetscCall(CoupleStartPhases(c));
   if (s->phases) PetscCall(ScalarPhasesUpdate(s->phases));
   if (!s->started) PetscCall(ScalarBodiesStart(s->bodies, c, s->scalars));
