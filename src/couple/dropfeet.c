@@ -4,7 +4,6 @@
 #include "drops.h"
 #include "feet.h"
 #include "impl.h"
-#include "scalarfields.h"
 #include "scalarphases.h"
 
 /* Of the nearest image of the interface (before the first step nothing has moved) */
@@ -34,40 +33,27 @@ static PetscReal find_distance(const void *ctx, const MeshLocal *l, const PetscR
 
 PetscErrorCode DropsCarry(CoupleDrops *f, Couple c, PetscInt *n, PetscInt *node[], PetscReal *value[])
 {
-  const MeshLocal *l      = c->loc;
-  const PetscInt   dim    = l->dim;
-  const FeetMesh   m      = {.mesh     = c->mesh,
-                             .loc      = l,
-                             .remap    = f->remap,
-                             .way      = f->way,
-                             .shift    = f->shift,
-                             .velocity = f->velocity,
-                             .distance = find_distance,
-                             .ctx      = f};
-  const Scalars    s      = CoupleCarriedScalars(c);
-  const PetscInt   nfield = 2 + (s ? ScalarsCount(s) : 0);
-  PetscReal       *u, *u_old, **field;
-  Feet             t;
+  const PetscInt dim = c->loc->dim;
+  const FeetMesh m   = {.mesh     = c->mesh,
+                        .loc      = c->loc,
+                        .remap    = f->remap,
+                        .way      = f->way,
+                        .shift    = f->shift,
+                        .velocity = f->velocity,
+                        .distance = find_distance,
+                        .ctx      = f,
+                        .scalars  = CoupleCarriedScalars(c)};
+  PetscReal     *u[2];
+  Feet           t;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  PetscCall(PetscMalloc1(nfield, &field));
-  field[0] = u;
-  field[1] = u_old;
-  if (s) PetscCall(ScalarFieldsPack(s, l, field + 2));
-  PetscCall(FeetFind(&m, c->step, &f->result, nfield, (const PetscReal *const *)field, &t));
+  PetscCall(FlowGetFields(c->flow, &u[0], &u[1], NULL));
+  PetscCall(FeetFind(&m, c->step, &f->result, 2, (const PetscReal *const *)u, &t));
   *n = t.n;
   PetscCall(PetscMalloc2(t.n, node, 2 * dim * t.n, value));
-  for (PetscInt e = 0; e < t.n; e++) {
-    const PetscReal *v = t.value + t.width * e;
-
-    (*node)[e] = t.node[e];
-    PetscCall(PetscArraycpy(*value + 2 * dim * e, v + dim, 2 * dim));
-    if (s) PetscCall(ScalarFieldsSet(s, dim, t.node[e], v, v + 3 * dim));
-  }
-  if (s) PetscCall(ScalarFieldsSync(s, c->mesh));
-  for (PetscInt i = 2; i < nfield; i++) PetscCall(PetscFree(field[i]));
-  PetscCall(PetscFree(field));
+  PetscCall(PetscArraycpy(*node, t.node, t.n));
+  for (PetscInt e = 0; e < t.n; e++)
+    PetscCall(PetscArraycpy(*value + 2 * dim * e, t.value + t.width * e + dim, 2 * dim));
   PetscCall(FeetDestroy(&t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,7 +4,6 @@
 #include "feet.h"
 #include "elasticinside.h"
 #include "impl.h"
-#include "scalarfields.h"
 #include "scalarphases.h"
 #include "base/opt.h"
 #include <strings.h>
@@ -58,37 +57,25 @@ static PetscReal find_distance(const void *ctx, const MeshLocal *l, const PetscR
 
 static PetscErrorCode carry(void *ctx, Remap remap, const AlignResult *r)
 {
-  Elastic         *e   = (Elastic *)ctx;
-  Couple           c   = e->carried.c;
-  const MeshLocal *l   = c->loc;
-  const Scalars    s   = CoupleCarriedScalars(c);
-  const PetscInt   dim = l->dim, nfield = ScalarsCount(s);
-  const FeetMesh   m = {.mesh     = c->mesh,
-                        .loc      = l,
-                        .remap    = remap,
-                        .way      = e->carried.way,
-                        .shift    = e->carried.shift,
-                        .velocity = e->carried.velocity,
-                        .distance = find_distance,
-                        .ctx      = e};
-  PetscReal      **field;
-  Feet             t;
+  Elastic       *e = (Elastic *)ctx;
+  Couple         c = e->carried.c;
+  const PetscInt n = c->loc->nnode_all * c->loc->dim;
+  const FeetMesh m = {.mesh     = c->mesh,
+                      .loc      = c->loc,
+                      .remap    = remap,
+                      .way      = e->carried.way,
+                      .shift    = e->carried.shift,
+                      .velocity = e->carried.velocity,
+                      .distance = find_distance,
+                      .ctx      = e,
+                      .scalars  = CoupleCarriedScalars(c)};
+  Feet           t;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(nfield, &field));
-  PetscCall(PetscArrayzero(e->carried.way, l->nnode_all * dim));
+  PetscCall(PetscArrayzero(e->carried.way, n));
   if (CouplePhasesHaveBegun(c))
-    PetscCall(FeetPredict(c->flow, c->step, (PetscBool)(c->step->order == 1), l->nnode_all * dim, e->carried.way));
-  PetscCall(ScalarFieldsPack(s, l, field));
-  PetscCall(FeetFind(&m, c->step, r, nfield, (const PetscReal *const *)field, &t));
-  for (PetscInt i = 0; i < t.n; i++) {
-    const PetscReal *v = t.value + t.width * i;
-
-    PetscCall(ScalarFieldsSet(s, dim, t.node[i], v, v + dim));
-  }
-  PetscCall(ScalarFieldsSync(s, c->mesh));
-  for (PetscInt i = 0; i < nfield; i++) PetscCall(PetscFree(field[i]));
-  PetscCall(PetscFree(field));
+    PetscCall(FeetPredict(c->flow, c->step, (PetscBool)(c->step->order == 1), n, e->carried.way));
+  PetscCall(FeetFind(&m, c->step, r, 0, NULL, &t));
   PetscCall(FeetDestroy(&t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

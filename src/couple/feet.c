@@ -1,6 +1,7 @@
 /* Feet: see feet.h. */
 #include "compat.h"
 #include "feet.h"
+#include "scalarfields.h"
 
 #define NEAR 3 /* cells: chi is 1 */
 
@@ -52,17 +53,32 @@ static PetscErrorCode find_velocity(const FeetMesh *m, const FlowStep *s, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of t->value, behind nfield fields */
+static PetscErrorCode set_scalars(const FeetMesh *m, PetscInt nfield, const Feet *t)
+{
+  const PetscInt dim = m->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < t->n; e++) {
+    const PetscReal *v = t->value + t->width * e;
+
+    PetscCall(ScalarFieldsSet(m->scalars, dim, t->node[e], v, v + (1 + nfield) * dim));
+  }
+  PetscCall(ScalarFieldsSync(m->scalars, m->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FeetFind(const FeetMesh *m, const FlowStep *s, const AlignResult *r, PetscInt nfield,
                         const PetscReal *const field[], Feet *t)
 {
   const MeshLocal  *l   = m->loc;
-  const PetscInt    dim = l->dim;
+  const PetscInt    dim = l->dim, nscalar = m->scalars ? ScalarsCount(m->scalars) : 0, nall = nfield + nscalar + 1;
   const PetscReal **all;
-  PetscReal        *x, *at, *chi;
+  PetscReal        *x, *at, *chi, **scalar;
 
   PetscFunctionBeginUser;
-  *t = (Feet){.width = (nfield + 2) * dim};
-  PetscCall(PetscMalloc4(dim * l->nnode_all, &x, dim * l->nnode, &at, l->nnode, &chi, nfield + 1, &all));
+  *t = (Feet){.width = (1 + nall) * dim};
+  PetscCall(PetscMalloc5(dim * l->nnode_all, &x, dim * l->nnode, &at, l->nnode, &chi, nall, &all, nscalar, &scalar));
   PetscCall(PetscMalloc1(l->nnode, &t->node));
   PetscCall(new_places(l, r, x));
   for (PetscInt i = 0; i < l->nnode; i++) {
@@ -72,12 +88,15 @@ PetscErrorCode FeetFind(const FeetMesh *m, const FlowStep *s, const AlignResult 
     PetscCall(PetscArraycpy(at + dim * t->n, x + dim * i, dim));
     t->n++;
   }
-  for (PetscInt i = 0; i < nfield; i++) all[i] = field[i];
-  all[nfield] = m->shift;
+  if (nscalar) PetscCall(ScalarFieldsPack(m->scalars, l, scalar));
+  for (PetscInt i = 0; i < nall; i++)
+    all[i] = i < nfield ? field[i] : i < nall - 1 ? scalar[i - nfield] : m->shift; /* the shift last: find_velocity */
   PetscCall(PetscMalloc1(t->width * t->n, &t->value));
-  PetscCall(RemapEvaluateFeet(m->remap, t->n, t->node, at, m->way, chi, nfield + 1, all, t->value));
+  PetscCall(RemapEvaluateFeet(m->remap, t->n, t->node, at, m->way, chi, nall, all, t->value));
   PetscCall(find_velocity(m, s, t));
-  PetscCall(PetscFree4(x, at, chi, all));
+  if (nscalar) PetscCall(set_scalars(m, nfield, t));
+  for (PetscInt i = 0; i < nscalar; i++) PetscCall(PetscFree(scalar[i]));
+  PetscCall(PetscFree5(x, at, chi, all, scalar));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

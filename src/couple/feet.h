@@ -7,6 +7,7 @@
 #include "align/align.h"
 #include "flow/flow.h"
 #include "mesh/remap.h"
+#include "scalar/scalar.h"
 
 #define FEET_FAR 6 /* cells: chi is 0 from here on */
 
@@ -21,17 +22,18 @@ typedef struct {
   /* Distance of x [dim] from the nearest surface, at most FEET_FAR cells: to there it may be anything larger */
   PetscReal (*distance)(const void *ctx, const MeshLocal *, const PetscReal x[]);
   const void *ctx;
+  Scalars     scalars; /* whose fields go along; NULL: none */
 } FeetMesh;
 
 typedef struct {
   PetscInt   n; /* own nodes that are carried */
   PetscInt  *node;
-  PetscInt   width; /* of a value: (nfield + 2) dim */
-  PetscReal *value; /* [n][width] x - y, then the fields and what was x - y in the step before, at y */
+  PetscInt   width; /* of a value */
+  PetscReal *value; /* [n][width] x - y [dim], then the fields at y [nfield][dim], then what is known here alone */
 } Feet;
 
 /* Nodes that go along with the surfaces, or are elsewhere than now, to the places of the result; shift and velocity
-   become those of this step. Collective. */
+   become those of this step, and scalars have their values. Collective. */
 PetscErrorCode FeetFind(const FeetMesh *, const FlowStep *, const AlignResult *, PetscInt nfield,
                         const PetscReal *const field[], Feet *);
 PetscErrorCode FeetDestroy(Feet *);
