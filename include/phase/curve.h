@@ -46,6 +46,8 @@ void PhaseCurveClosest(const PhaseCurve *, const PetscReal x[2], PetscReal reach
 void PhaseCurveApproach(const PhaseCurve *, const PetscReal x[2], const PetscReal out[2], PhasePoint *);
 /* Sums over the loops of a drop. Green's theorem, exact for quadratic edges but for the length. */
 void PhaseCurveMeasure(const PhaseCurve *, PetscInt drop, PhaseSums *);
+/* A new curve *to of the edges that stay [n] (NULL: all), each followed by the next of its loop that does. */
+PetscErrorCode PhaseCurveKeep(const PhaseCurve *, const PetscBool stays[], PhaseCurve *to);
 /* The loops of a drop go. */
 PetscErrorCode PhaseCurveRemove(PhaseCurve *, PetscInt drop);
 /* Moves the nodes of a drop by `way` along their normals, outwards; ends at a wall along it, to where a parallel curve

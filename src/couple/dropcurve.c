@@ -21,18 +21,6 @@ void DropsNearest(const PhaseInterface *f, const MeshLocal *l, const PetscReal x
   }
 }
 
-static PetscErrorCode copy_curve(const PhaseCurve *from, PhaseCurve *to)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PhaseCurveCreate(from->n, to));
-  PetscCall(PetscArraycpy(to->x, from->x, from->n));
-  PetscCall(PetscArraycpy(to->drop, from->drop, from->n));
-  PetscCall(PetscArraycpy(to->next, from->next, from->n));
-  PetscCall(PetscArraycpy(to->before, from->before, from->n));
-  PhaseCurveLink(to);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* way of the first and the middle node of every edge, v [n][2][2]: a rank looks after its part of them. Collective. */
 static PetscErrorCode evaluate_nodes(CoupleDrops *f, Couple c, const PetscReal way[], const PhaseCurve *curve,
                                      PetscReal v[])
@@ -70,7 +58,7 @@ PetscErrorCode DropsMoveCurve(CoupleDrops *f, Couple c, const PetscReal way[], P
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(4 * from->n, &v));
   PetscCall(evaluate_nodes(f, c, way, from, v));
-  PetscCall(copy_curve(from, now));
+  PetscCall(PhaseCurveKeep(from, NULL, now));
   for (PetscInt e = 0; e < now->n; e++)
     for (PetscInt i = 0; i < 6; i++) now->x[e][i / 2][i % 2] += i < 4 ? v[4 * e + i] : v[4 * now->next[e] + i % 2];
   PhaseCurveUpdate(now);

@@ -333,25 +333,40 @@ static void shift_of_node(const PhaseCurve *c, PetscInt e, PetscInt j, PetscReal
   n[1] /= size;
 }
 
+PetscErrorCode PhaseCurveKeep(const PhaseCurve *from, const PetscBool stays[], PhaseCurve *to)
+{
+  PetscInt *left, n = 0; /* [n] number of what stays */
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(from->n, &left));
+  for (PetscInt e = 0; e < from->n; e++) left[e] = !stays || stays[e] ? n++ : -1;
+  PetscCall(PhaseCurveCreate(n, to));
+  for (PetscInt e = 0; e < from->n; e++) {
+    PetscInt next = from->next[e];
+
+    if (left[e] < 0) continue;
+    while (left[next] < 0) next = from->next[next];
+    PetscCall(PetscArraycpy(&to->x[left[e]], &from->x[e], 1));
+    to->drop[left[e]]      = from->drop[e];
+    to->wall[left[e]]      = from->wall[e];
+    to->next[left[e]]      = left[next];
+    to->before[left[next]] = left[e];
+  }
+  PhaseCurveLink(to);
+  PetscCall(PetscFree(left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PhaseCurveRemove(PhaseCurve *c, PetscInt drop)
 {
   PhaseCurve left;
-  PetscInt  *to, n = 0; /* [n] number of what stays */
+  PetscBool *stays;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->n, &to));
-  for (PetscInt e = 0; e < c->n; e++) to[e] = c->drop[c->edge[c->first[c->loop[e]]]] == drop ? -1 : n++;
-  PetscCall(PhaseCurveCreate(n, &left));
-  for (PetscInt e = 0; e < c->n; e++) {
-    if (to[e] < 0) continue;
-    PetscCall(PetscArraycpy(&left.x[to[e]], &c->x[e], 1));
-    left.drop[to[e]]   = c->drop[e];
-    left.wall[to[e]]   = c->wall[e];
-    left.next[to[e]]   = to[c->next[e]];
-    left.before[to[e]] = to[c->before[e]];
-  }
-  PhaseCurveLink(&left);
-  PetscCall(PetscFree(to));
+  PetscCall(PetscMalloc1(c->n, &stays));
+  for (PetscInt e = 0; e < c->n; e++) stays[e] = (PetscBool)(c->drop[c->edge[c->first[c->loop[e]]]] != drop);
+  PetscCall(PhaseCurveKeep(c, stays, &left));
+  PetscCall(PetscFree(stays));
   PetscCall(PhaseCurveDestroy(c));
   *c = left;
   PetscFunctionReturn(PETSC_SUCCESS);

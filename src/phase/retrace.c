@@ -60,29 +60,17 @@ static PetscErrorCode number_components(PhaseCurve *c, PetscInt *n)
 /* What is no loop or edge to reckon with goes; an edge begins where the one before it ends */
 static PetscErrorCode tidy(const PhaseCurve *from, PetscReal step, PhaseCurve *to)
 {
-  PetscInt *left, n = 0; /* [n] number of what stays */
+  PetscBool *stays;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(from->n, &left));
+  PetscCall(PetscMalloc1(from->n, &stays));
   for (PetscInt e = 0; e < from->n; e++)
-    if (PetscAbsReal(from->area[from->loop[e]]) > SPECK * step * step &&
-        EdgeDistance2(from->x[e][0], from->x[e][2]) > PetscSqr(SHORT * step))
-      left[e] = n++;
-    else left[e] = -1;
-  PetscCall(PhaseCurveCreate(n, to));
-  for (PetscInt e = 0; e < from->n; e++) {
-    PetscInt next = from->next[e];
-
-    if (left[e] < 0) continue;
-    while (left[next] < 0) next = from->next[next];
-    PetscCall(PetscArraycpy(&to->x[left[e]], &from->x[e], 1));
-    to->drop[left[e]]      = from->drop[e];
-    to->next[left[e]]      = left[next];
-    to->before[left[next]] = left[e];
-  }
-  for (PetscInt e = 0; e < n; e++) PetscCall(PetscArraycpy(to->x[e][0], to->x[to->before[e]][2], 2));
-  PhaseCurveLink(to);
-  PetscCall(PetscFree(left));
+    stays[e] = (PetscBool)(PetscAbsReal(from->area[from->loop[e]]) > SPECK * step * step &&
+                           EdgeDistance2(from->x[e][0], from->x[e][2]) > PetscSqr(SHORT * step));
+  PetscCall(PhaseCurveKeep(from, stays, to));
+  for (PetscInt e = 0; e < to->n; e++) PetscCall(PetscArraycpy(to->x[e][0], to->x[to->before[e]][2], 2));
+  PhaseCurveUpdate(to);
+  PetscCall(PetscFree(stays));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
