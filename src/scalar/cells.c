@@ -115,7 +115,7 @@ static PetscErrorCode add_side(Scalars all, PetscInt c, PetscInt side, const Pet
   PetscReal      x[27], weight[9], phi[9 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi));
+  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi, NULL));
   for (PetscInt q = 0; q < nq; q++, has += 2) {
     const PetscReal *p = phi + q * MESH_MAX_NB;
 

@@ -47,7 +47,7 @@ PetscErrorCode ScalarsFindFaces(Scalars all)
 }
 
 PetscErrorCode ScalarSidePoints(Scalars all, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[],
-                                PetscReal phi[])
+                                PetscReal phi[], PetscReal normal[])
 {
   const PetscInt dim = all->loc->dim, axis = side / 2, nq = dim == 2 ? 3 : 9;
   PetscReal      xc[MESH_MAX_NB * 3];
@@ -61,7 +61,10 @@ PetscErrorCode ScalarSidePoints(Scalars all, PetscInt c, PetscInt side, PetscRea
     ElementMap(dim, xc, xi, x + q * dim, J);
     det = DenseInvertMap(dim, J, inverse);
     for (PetscInt a = 0; a < dim; a++) area += PetscSqr(det * inverse[axis * dim + a]);
-    weight[q] *= PetscSqrtReal(area);
+    area = PetscSqrtReal(area);
+    weight[q] *= area;
+    for (PetscInt a = 0; a < dim && normal; a++)
+      normal[q * dim + a] = (side % 2 ? 1 : -1) * det * inverse[axis * dim + a] / area;
     ElementBasis(dim, xi, phi + q * MESH_MAX_NB, dphi);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -70,7 +73,7 @@ PetscErrorCode ScalarSidePoints(Scalars all, PetscInt c, PetscInt side, PetscRea
 PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[])
 {
   PetscFunctionBeginUser;
-  PetscCall(ScalarSidePoints(all, all->face[i].cell, all->face[i].side, x, weight, phi));
+  PetscCall(ScalarSidePoints(all, all->face[i].cell, all->face[i].side, x, weight, phi, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

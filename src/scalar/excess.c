@@ -2,8 +2,6 @@
    the fluid's (scalar.h). Same quadrature as the matrix. */
 #include "compat.h"
 #include "impl.h"
-#include "base/algebra.h"
-#include "fem/side.h"
 
 typedef struct {
   PetscReal    history[MESH_MAX_NB]; /* d0 T^n + d1 T^{n-1} at the nodes */
@@ -123,26 +121,22 @@ PetscErrorCode ScalarsFindGrowing(Scalars all, PetscInt i, const PetscReal V[], 
 static PetscErrorCode measure_through(Scalars all, const Scalar *s, PetscInt c, PetscInt side, const PetscReal V[],
                                       PetscReal *sum)
 {
-  const PetscInt  dim = all->loc->dim, nb = all->loc->nb, axis = side / 2;
-  const PetscReal out = side % 2 ? 1 : -1, capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
-  PetscReal       xc[MESH_MAX_NB * 3];
+  const PetscInt  dim = all->loc->dim, nb = all->loc->nb;
+  const PetscReal capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+  PetscReal       x[9 * 3], weight[9], phi[9 * MESH_MAX_NB], normal[9 * 3];
   ScalarValues    v;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
+  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi, normal));
   PetscCall(ScalarCellValues(all, s, c, &v));
   for (PetscInt q = 0; q < (dim == 2 ? 3 : 9); q++) {
-    PetscReal xi[3], x[3], J[9], inverse[9], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], det, weight, theta = 0, along = 0;
+    PetscReal theta = 0, along = 0;
 
-    weight = SidePoint(dim, side, q, xi);
-    ElementMap(dim, xc, xi, x, J);
-    det = DenseInvertMap(dim, J, inverse);
-    ElementBasis(dim, xi, phi, dphi);
     for (PetscInt j = 0; j < nb; j++) {
-      theta += phi[j] * v.theta[j];
-      for (PetscInt a = 0; a < dim; a++) along += out * det * inverse[axis * dim + a] * phi[j] * V[j * dim + a];
+      theta += phi[q * MESH_MAX_NB + j] * v.theta[j];
+      for (PetscInt a = 0; a < dim; a++) along += phi[q * MESH_MAX_NB + j] * normal[q * dim + a] * V[j * dim + a];
     }
-    *sum += weight * capacity * theta * along;
+    *sum += weight[q] * capacity * theta * along;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

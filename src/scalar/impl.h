@@ -157,8 +157,10 @@ PetscBool ScalarHasSink(Scalars, const Scalar *);
 /* condition.c */
 PetscErrorCode ScalarsFindFaces(Scalars);
 PetscErrorCode ScalarsSetValues(Scalars, Scalar *); /* prescribed ones */
-/* Quadrature of a side of a cell: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9 */
-PetscErrorCode ScalarSidePoints(Scalars, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[], PetscReal phi[]);
+/* Quadrature of a side of a cell: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9;
+   normal [nq][dim] (NULL: not wanted), out of the cell */
+PetscErrorCode ScalarSidePoints(Scalars, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[], PetscReal phi[],
+                                PetscReal normal[]);
 /* The same of face i */
 PetscErrorCode ScalarFacePoints(Scalars, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[]);
 

@@ -140,7 +140,7 @@ static PetscErrorCode add_side(Scalars all, PetscInt c, PetscInt side, const Pet
   PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi));
+  PetscCall(ScalarSidePoints(all, c, side, x, weight, phi, NULL));
   for (PetscInt q = 0; q < (all->loc->dim == 2 ? 3 : 9); q++, has += 2) {
     PetscReal T = 0;
 

@@ -232,7 +232,7 @@ static PetscErrorCode set_sides(Scalars all, Scalar *s, const Fields *nodal)
 
     for (PetscInt k = 0; k < nq; k++) q[k] = side->q;
     if (side->surface) {
-      PetscCall(ScalarSidePoints(all, side->cell, side->side, x, weight, phi));
+      PetscCall(ScalarSidePoints(all, side->cell, side->side, x, weight, phi, NULL));
       if (s->input.reacts) set_at_points(all, side->cell, nq, phi, nodal, 0, &f);
       p = (Points){side->surface->flux, nq, x, side->surface, get_stiff(all, s) * all->loc->h};
       PetscCall(linearise(all, s, &p, &f, q, slope));
@@ -429,7 +429,7 @@ static PetscErrorCode have_changed(Scalars all, const Scalar *s, const ScalarInp
     compare_side(all, all->face[i].cell, phi, T, s->input.face + 2 * i * nq, was->face + 2 * i * nq, change + 2);
   }
   for (PetscInt i = 0; i < s->nside; i++) {
-    PetscCall(ScalarSidePoints(all, s->side[i].cell, s->side[i].side, x, weight, phi));
+    PetscCall(ScalarSidePoints(all, s->side[i].cell, s->side[i].side, x, weight, phi, NULL));
     compare_side(all, s->side[i].cell, phi, T, s->input.side + 2 * i * nq, was->side + 2 * i * nq, change + 4);
   }
   PetscCall(compare_layers(all, s, T, was->sample, change + 6));
