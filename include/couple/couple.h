@@ -52,9 +52,9 @@ PetscErrorCode CoupleSetDrops(Couple, Drops);
 /* Are flow and bodies solved together (-couple_type implicit)? Local. */
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 /* At the start of a run, with the bodies where they begin and the flow as it begins: the fluid inside bodies that move
-   freely takes their velocity, but for those that were given the fluid's. Nothing with a method that has no fluid
-   inside, or with nodal, where a remark says so unless the flow will be solved for with the bodies held at their
-   velocities. Collective. */
+   freely takes their velocity, but for those that were given the fluid's, as does that inside elastic ones whose
+   velocities are given. Nothing with a method that has no fluid inside, or with nodal, where a remark says so unless
+   the flow will be solved for with the bodies held at their velocities. Collective. */
 PetscErrorCode CoupleStartInside(Couple, PetscBool solved);
 /* Does the mesh line up with surfaces (method aligned)? Local. */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);

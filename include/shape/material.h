@@ -38,7 +38,9 @@ PetscErrorCode ParticleReadTurn(const char group[], PetscReal axis[3], PetscBool
 
 /* Where all particles of a group start, whose shape has this bounding radius, as -particle_<group>_place says: single,
    lattice, random or table; lower, upper [3] of the domain. They are added to `placed`. *p [*n] is the caller's to
-   free. Collective. Errors: they do not fit, place pack, a table with sizes or densities, velocities. */
+   free; *moves: its velocities are given, by -particle_<group>_velocity, _angular_velocity, _initial_velocity given or
+   the table. Collective. Errors: they do not fit, place pack, a table with sizes or densities, velocities that are
+   expressions. */
 PetscErrorCode ParticleReadPlacements(const char group[], const char what[], PetscInt dim, PetscReal radius,
                                       const PetscReal lower[3], const PetscReal upper[3], ParticlesPlaced *placed,
-                                      PetscInt *n, Placement **p);
+                                      PetscInt *n, Placement **p, PetscBool *moves);

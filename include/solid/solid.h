@@ -29,6 +29,7 @@ typedef struct {
   PetscReal     density, viscosity;
   PetscReal     inner_viscosity; /* of what a membrane encloses, 0: as around it */
   PetscInt      first, count;    /* of the solids; those of several are neither held nor watched */
+  PetscReal    *start;           /* [count][RigidSize] velocities at the start; NULL: those of the flow */
   PetscBool    *clamped;         /* [mesh.nnode] */
   PetscInt      nclamped;
   PetscInt      nwatch, *watch; /* nodes of the reference mesh that are watched */

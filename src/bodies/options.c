@@ -97,14 +97,16 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_quaternion", OPT_REALS, "", OPT_ANY, "1,0,0,0",
    .help = "orientation w,x,y,z before the angle turns it (3D)", .when = GROUP},
   {"-particle_<group>_velocity", OPT_REALS, "length/time", OPT_ANY, "0",
-   .help = "velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP,
-   .variables = "t", .also = "vel, u, v, u0, v0, speed"},
+   .help =
+     "velocity at the start (kept where not free), of elastic particles without it that of the flow; with t that of the prescribed motion",
+   .when = GROUP, .variables = "t", .also = "vel, u, v, u0, v0, speed"},
   {"-particle_<group>_angular_velocity", OPT_REALS, "rad/time", OPT_ANY, "0",
-   .help = "angular velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP,
-   .variables = "t", .also = "omega, w, rotation_speed, angular_speed, spin, rpm"},
+   .help =
+     "angular velocity at the start (kept where not free; of elastic particles about their centroid); with t that of the prescribed motion",
+   .when = GROUP, .variables = "t", .also = "omega, w, rotation_speed, angular_speed, spin, rpm"},
   {"-particle_<group>_initial_velocity", OPT_CHOICE, "", OPT_ANY, "given", .old = "-particle_<group>_start",
    .help =
-     "initial velocity of free bodies: as given (-particle_<group>_velocity), or the momentum of the fluid that the body replaces",
+     "initial velocity of free bodies: as given (-particle_<group>_velocity), or the momentum of the fluid that the body replaces; of elastic ones without a velocity fluid, at every node",
    .when = GROUP, .choices = "given, fluid", .words = "rest given, zero given, flow fluid"},
   {"-particle_<group>_force", OPT_REALS, "force", OPT_ANY, "0",
    .help =

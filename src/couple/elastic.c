@@ -346,7 +346,7 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
   for (PetscInt i = 0; i < e->s->n * c->loc->dim; i++) {
     b->others[i % c->loc->dim] += e->load[i];
     b->residual[i % c->loc->dim] -= e->load[i];
-    b->size += PetscAbsReal(e->load[i]);
+    b->size += PetscAbsReal(e->load[i]) + c->par->density * PetscAbsReal(e->change[i]);
   }
   /* a membrane has no mass and pushes nothing as a whole: the pull across a cut through its middle, about */
   for (PetscInt k = 0; k < e->s->n && SolidsAreMembranes(e->s); k++) {

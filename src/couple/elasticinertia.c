@@ -206,20 +206,31 @@ void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const 
   }
 }
 
-/* flux [dim] += int u over a cell */
-static PetscErrorCode add_flux(const ElementTables *t, Mesh mesh, const MeshLocal *l, PetscInt cell,
-                               const PetscReal u[], PetscReal flux[])
+PetscErrorCode ElasticIntegrateCell(const ElementTables *t, Mesh mesh, const MeshLocal *l, PetscInt cell,
+                                    PetscReal whole[])
 {
-  const PetscInt nb = l->nb, dim                         = l->dim;
-  PetscReal      xc[MESH_MAX_NB * 3], whole[MESH_MAX_NB] = {0};
-  ElementMetric  metric;
+  PetscReal     xc[MESH_MAX_NB * 3];
+  ElementMetric metric;
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(mesh, cell, xc));
   ElementSetMetric(t, xc, &metric);
+  for (PetscInt j = 0; j < l->nb; j++) whole[j] = 0;
   for (PetscInt q = 0; q < t->nq; q++)
-    for (PetscInt j = 0; j < nb; j++) whole[j] += metric.weight[q] * t->phi[q * t->nbp + j];
+    for (PetscInt j = 0; j < l->nb; j++) whole[j] += metric.weight[q] * t->phi[q * t->nbp + j];
   MeshCellScatter(l, cell, 1, whole);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* flux [dim] += int u over a cell */
+static PetscErrorCode add_flux(const ElementTables *t, Mesh mesh, const MeshLocal *l, PetscInt cell,
+                               const PetscReal u[], PetscReal flux[])
+{
+  const PetscInt nb = l->nb, dim = l->dim;
+  PetscReal      whole[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(ElasticIntegrateCell(t, mesh, l, cell, whole));
   for (PetscInt j = 0; j < nb * dim; j++)
     flux[j % dim] += whole[j / dim] * u[dim * l->cell_node[cell * nb + j / dim] + j % dim];
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -31,3 +31,5 @@ void ElasticInertiaAddForce(const ElasticInertia *, const MeshLocal *, const Pet
    [dim] = int u over them. Not collective. */
 PetscErrorCode ElasticInertiaPower(const ElasticInertia *, Mesh, const MeshLocal *, const PetscReal u[],
                                    PetscReal *terms, PetscReal *force, PetscReal flux[]);
+/* whole [nb]: the integrals over a cell of the functions of its nodes. Not collective. */
+PetscErrorCode ElasticIntegrateCell(const ElementTables *, Mesh, const MeshLocal *, PetscInt cell, PetscReal whole[]);

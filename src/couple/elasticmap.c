@@ -222,7 +222,7 @@ PetscErrorCode ElasticMap(Elastic *e, Couple c)
 
 /* ---- the first step ---- */
 
-/* Solids start with the velocity of the flow at their nodes: another one would be a kick */
+/* Solids whose velocity is not given start with that of the flow at their nodes: another one would be a kick */
 static PetscErrorCode start_with_flow(Elastic *e, Couple c)
 {
   SolidsState *s        = e->s;
@@ -239,8 +239,13 @@ static PetscErrorCode start_with_flow(Elastic *e, Couple c)
   PetscCall(fill_map(e, c));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   PetscCall(ElasticTakeVelocity(e, c, u));
-  PetscCall(PetscArraycpy(s->u, e->u, s->nnode * s->dim));
-  PetscCall(PetscArraycpy(s->u_old, e->u, s->nnode * s->dim));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscInt at = s->dim * s->first[k], n = s->dim * s->first[k + 1] - at;
+
+    if (s->group[s->group_of[k]].start) continue;
+    PetscCall(PetscArraycpy(s->u + at, e->u + at, n));
+    PetscCall(PetscArraycpy(s->u_old + at, e->u + at, n));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

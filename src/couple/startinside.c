@@ -14,6 +14,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "cutcells.h"
+#include "elastic.h"
 #include "base/log.h"
 
 #define SAMPLES 10 /* of a cell that a surface cuts, an axis: of the penalty of bodies that move */
@@ -63,46 +64,60 @@ static PetscErrorCode take_part(Couple c, CutCells cells, const CutCell *cut, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleStartInside(Couple c, PetscBool solved)
+/* u [own nodes][dim] += what bodies make of before */
+static PetscErrorCode start_bodies(Couple c, PetscBool solved, const PetscReal before[], PetscReal u[], PetscBool *any)
 {
-  const MeshLocal *l   = c->loc;
-  PetscBool        any = PETSC_FALSE, still = PETSC_TRUE, *omit;
+  const MeshLocal *l     = c->loc;
+  PetscBool        still = PETSC_TRUE, *omit;
   CutCells         cells;
   const CutCell   *cut;
   const PetscReal *mass;
-  PetscReal       *before, *u;
   PetscInt         n;
 
   PetscFunctionBeginUser;
-  if (!c->s->nall || c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
   for (PetscInt i = 0; i < l->nnode * l->dim && still; i++) still = (PetscBool)(before[i] == 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &still, 1, MPIU_BOOL, MPI_LAND, c->comm));
   PetscCall(PetscMalloc1(c->s->n, &omit));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(set_body(c, k));
     omit[k] = begins_as_fluid(c, k, still);
-    any     = (PetscBool)(any || !omit[k]);
+    *any    = (PetscBool)(*any || !omit[k]);
   }
-  PetscCall(BodiesAny(c->bodies, &any));
-  if (any && c->method.table == &method_nodal) {
+  PetscCall(BodiesAny(c->bodies, any));
+  if (*any && c->method.table == &method_nodal) {
+    *any = PETSC_FALSE;
     if (!solved)
       PetscCall(
         LogRemark("-couple_method nodal: free bodies begin with their own velocity as far as they are heavier than the "
                   "fluid, else with the fluid's in their place: use penalty or aligned where the start matters"));
-  } else if (any) {
+  } else if (*any) {
     PetscCall(FlowGetLumpedMass(c->flow, &mass));
-    PetscCall(PetscMalloc1(l->nnode_all * l->dim, &u));
-    PetscCall(PetscArraycpy(u, before, l->nnode_all * l->dim));
     PetscCall(CutCellsCreate(c->flow, c->bodies, SAMPLES, &cells));
     PetscCall(CutCellsCut(cells, c->rigid.X, c->rigid.q, c->rigid.P, omit));
     PetscCall(CutCellsGet(cells, &n, &cut));
     for (PetscInt i = 0; i < n; i++) PetscCall(take_part(c, cells, cut + i, mass, before, u));
     PetscCall(CutCellsDestroy(&cells));
-    PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
-    PetscCall(FlowStartFrom(c->flow, u, NULL));
-    PetscCall(PetscFree(u));
   }
   PetscCall(PetscFree(omit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleStartInside(Couple c, PetscBool solved)
+{
+  const PetscInt n   = c->loc->nnode_all * c->loc->dim;
+  PetscBool      any = PETSC_FALSE;
+  PetscReal     *before, *u;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
+  PetscCall(PetscMalloc1(n, &u));
+  PetscCall(PetscArraycpy(u, before, n));
+  if (c->s->nall && !c->method.table->moves_nodes) PetscCall(start_bodies(c, solved, before, u, &any));
+  if (c->elastic) PetscCall(ElasticStartInside(c->elastic, c, before, u, &any));
+  if (any) {
+    PetscCall(MeshSyncNodes(c->mesh, c->loc->dim, u));
+    PetscCall(FlowStartFrom(c->flow, u, NULL));
+  }
+  PetscCall(PetscFree(u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

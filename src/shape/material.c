@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "shape/material.h"
 #include "base/algebra.h"
+#include "base/expr.h"
 #include "base/opt.h"
 
 #define MAX_GROUPS 257
@@ -89,7 +90,37 @@ PetscErrorCode ParticleReadTurn(const char group[], PetscReal axis[3], PetscBool
 
 /* ---- many ---- */
 
-static PetscErrorCode read_table(const char group[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p)
+/* Velocities at the start, the same for all, to base; *moves: some are given */
+static PetscErrorCode read_velocities(const char group[], const char what[], PetscInt dim, Placement *base,
+                                      PetscBool *moves)
+{
+  const char *const word[] = {"given", "fluid", NULL};
+  char              name[2][OPT_NAME], start[OPT_NAME];
+  PetscInt          with_fluid = 0;
+  PetscBool         has[2], said;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    const PetscInt n    = i && dim == 2 ? 1 : dim;
+    Expr           expr = NULL;
+
+    PetscCall(ExprRead(OptJoin("-particle_", group, i ? "_angular_velocity" : "_velocity", name[i]), dim, n,
+                       i ? base->omega + 3 - n : base->u, &expr, &has[i]));
+    PetscCheck(!expr, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "%s %s: the motion of %s is not prescribed: give numbers, with which group '%s' starts", name[i],
+               ExprText(expr), what, group);
+  }
+  *moves = (PetscBool)(has[0] || has[1]);
+  PetscCall(OptHas(OptJoin("-particle_", group, "_initial_velocity", start), &said));
+  PetscCall(OptChoice(start, word, &with_fluid));
+  PetscCheck(!*moves || !with_fluid, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s fluid sets the velocities at the start, and %s gives one: remove one of them", start, name[!has[0]]);
+  *moves = (PetscBool)(*moves || (said && !with_fluid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_table(const char group[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p,
+                                 PetscBool *moves)
 {
   char      name[OPT_NAME], file[PETSC_MAX_PATH_LEN] = "";
   PetscBool sizes, densities, angles;
@@ -102,11 +133,7 @@ static PetscErrorCode read_table(const char group[], PetscInt dim, const Placeme
              "The table %s gives sizes or densities, and particles of group '%s' are all alike: remove these columns, or give each kind its own group",
              file, group);
   for (PetscInt i = 0; i < *n; i++)
-    for (PetscInt a = 0; a < 3; a++)
-      PetscCheck((*p)[i].u[a] == 0 && (*p)[i].omega[a] == 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
-                 "The table %s gives a velocity to particle %" PetscInt_FMT
-                 " of group '%s', which is elastic and begins with that of the flow: remove the columns u, v, w and omega",
-                 file, i + 1, group);
+    for (PetscInt a = 0; a < 3; a++) *moves = (PetscBool)(*moves || (*p)[i].u[a] != 0 || (*p)[i].omega[a] != 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -150,7 +177,7 @@ static PetscErrorCode place_many(const char group[], PetscBool random, PlaceBox 
 
 PetscErrorCode ParticleReadPlacements(const char group[], const char what[], PetscInt dim, PetscReal radius,
                                       const PetscReal lower[3], const PetscReal upper[3], ParticlesPlaced *placed,
-                                      PetscInt *n, Placement **p)
+                                      PetscInt *n, Placement **p, PetscBool *moves)
 {
   char      name[OPT_NAME];
   PetscInt  place = PLACE_SINGLE;
@@ -161,6 +188,7 @@ PetscErrorCode ParticleReadPlacements(const char group[], const char what[], Pet
   PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), PLACE_NAMES, &place));
   PetscCheck(place != PLACE_PACK, PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s pack is for rigid bodies, not %s: use lattice or random", name, what);
+  PetscCall(read_velocities(group, what, dim, &base, moves));
   if (place == PLACE_SINGLE) {
     PetscCall(PetscMalloc1(1, p));
     **p = base;
@@ -168,7 +196,7 @@ PetscErrorCode ParticleReadPlacements(const char group[], const char what[], Pet
     PetscCall(ParticleReadPosition(group, what, dim, (*p)->x, &(*p)->angle));
   } else {
     PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &base.angle));
-    if (place == PLACE_TABLE) PetscCall(read_table(group, dim, &base, n, p));
+    if (place == PLACE_TABLE) PetscCall(read_table(group, dim, &base, n, p, moves));
     else PetscCall(place_many(group, (PetscBool)(place == PLACE_RANDOM), &box, &base, placed, n, p));
   }
   PetscCall(ParticlesPlacedAdd(placed, radius, *n, *p));

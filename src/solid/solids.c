@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "base/rigid.h"
 #include "shape/material.h"
 
 #define MAX_WATCH 64  /* numbers */
@@ -33,22 +34,6 @@ static PetscErrorCode refuse_slip(const char group[])
              "%s is for rigid bodies, and group '%s' is elastic: remove it, or give -particle_%s_material rigid", name,
              group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Velocities at the start of bodies: solids and membranes have the flow's */
-static PetscErrorCode refuse_velocity(const char group[])
-{
-  static const char *const START[] = {"_velocity", "_angular_velocity", "_initial_velocity"};
-  char                     name[OPT_NAME], value[128];
-
-  PetscFunctionBeginUser;
-  PetscCall(find_given(group, PETSC_STATIC_ARRAY_LENGTH(START), START, name));
-  if (!name[0]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeek(name, value, sizeof(value)));
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP,
-          "%s %s: group '%s' is elastic, which begins with the velocity of the flow in its place, without a flow at rest: remove it "
-          "and give the flow one with -flow_initial, or give -particle_%s_material rigid",
-          name, value, group, group);
 }
 
 /* What is of solids alone: a membrane has no volume, and what is in it is a fluid of the same density */
@@ -93,7 +78,6 @@ static PetscErrorCode read_material(SolidGroup *g)
 
   PetscFunctionBeginUser;
   PetscCall(refuse_slip(g->name));
-  PetscCall(refuse_velocity(g->name));
   if (g->membrane) {
     PetscCall(read_membrane(g));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -249,8 +233,36 @@ static PetscErrorCode refuse_points(const SolidGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* X of the solids of a group, and what goes by it */
-static PetscErrorCode place_solids(Solids b, SolidGroup *g, const Placement place[])
+/* Rigid velocities that are given, about the centroids of the solids of a group with nodes X, for start and state */
+static PetscErrorCode set_velocities(Solids b, SolidGroup *g, const Placement place[], const PetscReal X[])
+{
+  const PetscInt dim = b->s.dim, slots = RigidSize(dim);
+  PetscReal     *u = b->s.u + b->s.dim * b->first[g->first];
+
+  PetscFunctionBeginUser;
+  PetscCheck(!g->nclamped, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Group '%s' starts with a velocity (-particle_%s_velocity, _angular_velocity or a table) and is held by -particle_%s_clamp: remove one "
+             "of them",
+             g->name, g->name, g->name);
+  PetscCall(PetscMalloc1(g->count * slots, &g->start));
+  for (PetscInt i = 0; i < g->count; i++) {
+    PetscReal *U = g->start + i * slots;
+    SolidSums  sums;
+
+    for (PetscInt a = 0; a < slots; a++) U[a] = RigidValue(dim, place[i].u, place[i].omega, a);
+    SolidMeasure(&g->mesh, &g->material, X + i * g->mesh.nnode * dim, &sums);
+    for (PetscInt j = i * g->mesh.nnode; j < (i + 1) * g->mesh.nnode; j++) {
+      PetscReal r[3] = {0, 0, 0};
+
+      for (PetscInt a = 0; a < dim; a++) r[a] = X[j * dim + a] - sums.centroid[a];
+      RigidVelocityAt(dim, U, r, u + j * dim);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* X of the solids of a group, and what goes by it; moves: their velocities are given */
+static PetscErrorCode place_solids(Solids b, SolidGroup *g, const Placement place[], PetscBool moves)
 {
   PetscReal *X = b->s.X + b->s.dim * b->first[g->first];
 
@@ -259,6 +271,7 @@ static PetscErrorCode place_solids(Solids b, SolidGroup *g, const Placement plac
   PetscCall(SolidGroupPlace(g, b->s.dim, place, X));
   PetscCall(read_clamp(g, X));
   PetscCall(read_watch(g, b->s.dim, X));
+  if (moves) PetscCall(set_velocities(b, g, place, X));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -268,28 +281,30 @@ static PetscErrorCode create_groups(Solids b, PetscReal size, const PetscReal lo
   SolidsState    *s      = &b->s;
   ParticlesPlaced placed = {.n = 0};
   Placement     **place;
+  PetscBool      *moves;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(s->ngroups, &place));
+  PetscCall(PetscCalloc2(s->ngroups, &place, s->ngroups, &moves));
   for (PetscInt i = 0; i < s->ngroups; i++) {
     SolidGroup *g = b->group + i;
 
     PetscCall(read_material(g));
     PetscCall(create_mesh(g, s->dim, size));
     PetscCall(ParticleReadPlacements(g->name, "elastic particles", s->dim, g->mesh.radius, lower, upper, &placed,
-                                     &g->count, &place[i]));
+                                     &g->count, &place[i], &moves[i]));
     g->first = s->n;
     s->n += g->count;
   }
   PetscCall(number_solids(b));
   for (PetscInt i = 0; i < s->ngroups; i++) {
-    PetscCall(place_solids(b, b->group + i, place[i]));
+    PetscCall(place_solids(b, b->group + i, place[i], moves[i]));
     PetscCall(PetscFree(place[i]));
   }
-  PetscCall(PetscFree(place));
+  PetscCall(PetscFree2(place, moves));
   PetscCall(ParticlesPlacedDestroy(&placed));
   PetscCall(PetscArraycpy(s->x, s->X, s->nnode * s->dim));
   PetscCall(PetscArraycpy(s->x_old, s->X, s->nnode * s->dim));
+  PetscCall(PetscArraycpy(s->u_old, s->u, s->nnode * s->dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -325,6 +340,7 @@ PetscErrorCode SolidsDestroy(Solids *solids)
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
     PetscCall(ShapeDestroy(&b->group[g].shape));
     PetscCall(SolidMeshDestroy(&b->group[g].mesh));
+    PetscCall(PetscFree(b->group[g].start));
     PetscCall(PetscFree(b->group[g].clamped));
     PetscCall(PetscFree2(b->group[g].watch, b->group[g].watched));
   }

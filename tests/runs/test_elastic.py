@@ -373,8 +373,6 @@ def test_suspension_restart(rows):
         ("fsi1", [*LEVELS, "-mesh_track"], "remove -mesh_track"),
         ("soft-suspension", ["-particle_soft_watch", "3,3"], "groups of one elastic particle"),
         ("soft-suspension", ["-particle_soft_count", "300"], "only 22 of 300 fit"),
-        ("soft-disc-shear", ["-particle_soft_velocity", "1,0"], "-particle_soft_velocity 1,0: group 'soft' is elastic, which begins with the velocity of the flow"),
-        ("soft-disc-shear", ["-particle_soft_angular_velocity", "1"], "-particle_soft_angular_velocity 1"),
         ("csm", ["-particle_flag_clamp", "x-3"], "holds no node"),
         ("csm", ["-particle_flag_poisson", "0.5"], "below 0.5"),
         ("csm", ["-particle_flag_solid_cells", "1,1"], "cannot follow its shape"),
@@ -383,9 +381,3 @@ def test_suspension_restart(rows):
 def test_refusals(run, scene, options, message):
     result = run([RUNS / f"{scene}.yaml", "-output_dir", "out", "-sim_steps", "1", *options])
     assert result.status and message in result.err and result.err.count("error:") == 1, str(result)
-
-
-def test_table_with_velocities_is_refused(run, tmp_path):
-    (tmp_path / "discs.csv").write_text("x, y, u\n1, 1, 0\n2, 2, 0.5\n")
-    result = run([RUNS / "soft-suspension.yaml", "-output_dir", "out", "-sim_steps", "1", "-particle_soft_place", "table", "-particle_soft_table", tmp_path / "discs.csv"])
-    assert result.status and "gives a velocity to particle 2 of group 'soft'" in result.err, str(result)

@@ -18,7 +18,7 @@ OTHER_MODES = {
 }
 READER = r"\b(ExprRead|Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray|Axes))\((\"-[^\"]+\"|\w+),"
 # of two mesh kinds, of which a scene has one; of groups, which are rigid bodies, elastic solids or drops
-TWO_READERS = {"-mesh_centre", "-particle_groups", *(f"-particle_<group_scalar>_{word}" for word in ("condition", "expansion", "initial")), *(f"-particle_<group>_{word}" for word in ("angle", "axis", "contact_angle", "count", "density", "lower", "margin", "pivot", "place", "position", "quaternion", "seed", "shape", "table", "upper", "viscosity"))}
+TWO_READERS = {"-mesh_centre", "-particle_groups", *(f"-particle_<group_scalar>_{word}" for word in ("condition", "expansion", "initial")), *(f"-particle_<group>_{word}" for word in ("angle", "angular_velocity", "axis", "contact_angle", "count", "density", "initial_velocity", "lower", "margin", "pivot", "place", "position", "quaternion", "seed", "shape", "table", "upper", "velocity", "viscosity"))}
 # names that a room joins itself: of a scalar, of a scalar at a boundary, of a scalar in the bodies of a group
 JOINED = ((r"\bname_option\(s, \"(\w+)\"", "-scalar_<scalar>_"), (r"\bname_option\(s, OptJoin\(\"bc_\", boundary, \"_(\w+)\"", "-scalar_<scalar_bc_boundary>_"),
           (r"\bname_option\(g(?:->name)?, par->name, \"(\w+)\"", "-particle_<group_scalar>_"))

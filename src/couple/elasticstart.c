@@ -1,0 +1,120 @@
+/* Elastic, start: the fluid inside solids and membranes whose velocities are given takes them, as that inside rigid
+   bodies does (startinside.c): node i
+
+     u_i += (int_k phi_i / int phi_i) (U_k + w_k x r_i - u_i)
+
+   over what lies in k of its cells. That of cut cells is scaled, so that all sums up to the volume of k, and r is the
+   arm from the centre of it all: what comes in is the momentum of the fluid in the true shape. Not inside solids that
+   the mesh will follow, where the flow has no inertia. */
+#include "compat.h"
+#include "elastic.h"
+#include "elasticinside.h"
+#include "impl.h"
+#include "base/rigid.h"
+
+/* What is known of one of them: *inside* of cells, centre and velocities [RigidSize] about it */
+typedef struct {
+  const ElementTables *tables;
+  const PetscReal     *inside, *centre, *U;
+  PetscReal            volume;
+  PetscReal            scale, shift[3]; /* of parts of cut cells; of the centre of all parts from the true one */
+} Inner;
+
+static PetscReal get_part(const Inner *k, PetscInt cell)
+{
+  return k->inside[cell] < 1 ? k->scale * k->inside[cell] : 1;
+}
+
+/* From the centre to node i */
+static void find_arm(const Inner *k, const MeshLocal *l, PetscInt i, PetscReal r[3])
+{
+  for (PetscInt a = 0; a < 3; a++)
+    r[a] = a < l->dim ? MeshNearest(l, a, l->x[i * l->dim + a] - k->centre[a]) - k->shift[a] : 0;
+}
+
+/* The scale with which volumes are right, and the centre of the parts, about which a turn has no momentum */
+static PetscErrorCode measure_inside(Couple c, Inner *k)
+{
+  const MeshLocal *l         = c->loc;
+  PetscReal        sum[2][4] = {{0}}; /* whole cells, cut ones: volume, arm */
+
+  PetscFunctionBeginUser;
+  k->scale = 1;
+  for (PetscInt cell = 0; cell < l->ncell; cell++) {
+    PetscReal whole[MESH_MAX_NB], *to = sum[k->inside[cell] < 1];
+
+    if (k->inside[cell] == 0) continue;
+    PetscCall(ElasticIntegrateCell(k->tables, c->mesh, l, cell, whole));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      PetscReal r[3];
+
+      find_arm(k, l, l->cell_node[cell * l->nb + j], r);
+      for (PetscInt a = 0; a < 4; a++) to[a] += k->inside[cell] * whole[j] * (a ? r[a - 1] : 1);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 8, MPIU_REAL, MPIU_SUM, c->comm));
+  if (sum[1][0] > 0) k->scale = (k->volume - sum[0][0]) / sum[1][0];
+  for (PetscInt a = 0; a < l->dim; a++) k->shift[a] = (sum[0][1 + a] + k->scale * sum[1][1 + a]) / k->volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_velocity(Couple c, const Inner *k, const PetscReal before[], PetscReal u[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *mass;
+  PetscReal        whole[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &mass));
+  for (PetscInt cell = 0; cell < l->ncell_all; cell++) {
+    if (k->inside[cell] == 0) continue;
+    PetscCall(ElasticIntegrateCell(k->tables, c->mesh, l, cell, whole));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[cell * l->nb + j];
+      PetscReal      r[3], v[3];
+
+      if (i >= l->nnode) continue;
+      find_arm(k, l, i, r);
+      RigidVelocityAt(dim, k->U, r, v);
+      for (PetscInt a = 0; a < dim; a++)
+        u[i * dim + a] += get_part(k, cell) * whole[j] / mass[i] * (v[a] - before[i * dim + a]);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticStartInside(Elastic *e, Couple c, const PetscReal before[], PetscReal u[], PetscBool *any)
+{
+  const SolidsState   *s     = e->s;
+  const AlignSurfaces *table = ElasticSurfacesGet(e->surfaces);
+  PetscBool            mine  = PETSC_FALSE;
+  ElasticInside        t;
+  ElementTables        tables;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || s->group[g].start);
+  if (!mine || (e->aligned && !SolidsAreMembranes(s))) PetscFunctionReturn(PETSC_SUCCESS);
+  *any = PETSC_TRUE;
+  PetscCall(ElementCreate(s->dim, &tables));
+  PetscCall(ElasticSurfacesSet(e->surfaces, s->x));
+  PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, NULL, NULL, &t));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
+    const PetscReal  *inside;
+    Inner             inner;
+
+    if (!g->start) continue;
+    PetscCall(ElasticInsideFind(t, k, &inside));
+    inner = (Inner){.tables = &tables,
+                    .inside = inside,
+                    .centre = table->centre[k],
+                    .U      = g->start + (k - g->first) * RigidSize(s->dim),
+                    .volume = g->mesh.volume};
+    PetscCall(measure_inside(c, &inner));
+    PetscCall(take_velocity(c, &inner, before, u));
+  }
+  PetscCall(ElasticInsideDestroy(&t));
+  PetscCall(ElementDestroy(&tables));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
