@@ -15,6 +15,11 @@ static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 /* The 6 products in a register */
 typedef PetscReal Pairs __attribute__((vector_size(8 * sizeof(PetscReal)), aligned(sizeof(PetscReal))));
 
+/* Samples of a cell from `first` on along each axis */
+typedef struct {
+  unsigned char first[3], size[3];
+} SampleBlock;
+
 struct _p_CutCells {
   Flow             flow;
   Bodies           bodies;
@@ -28,8 +33,11 @@ struct _p_CutCells {
   PetscReal        reach;                             /* largest distance of a node from the centre node of its cell */
   PetscInt         ncut, cut_capacity, nmoments, moments_capacity;
   CutCell         *cut;
-  PetscReal       *moments;
-  PetscReal       *x, *d; /* work: samples of a cell, twice, and three numbers of each */
+  PetscReal       *moments, whole[CUT_MOMENTS]; /* of the last whole cell that was asked for */
+  PetscReal       *x, *d;                       /* work: samples of a cell, and two numbers of each */
+  PetscInt        *sample;
+  unsigned char   *filled;       /* [samples] rows along the first axis that may have weights */
+  SampleBlock     *block, *half; /* [samples] */
 };
 
 /* ---- sizes of cells ---- */
@@ -82,27 +90,28 @@ static PetscInt moment_count(CutCells p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
-/* Of a cell in space that is a box with these edges: places are products of those along the axes */
-static void set_samples_in_box(CutCells p, const PetscReal xc[], const PetscReal edge[], PetscReal x[], PetscReal w[])
+/* Of a cell in space that is a box: places along the axes and from one to the next, and the volume of each */
+typedef struct {
+  PetscReal at[3][MAX_SAMPLES], step[3], size;
+} BoxSamples;
+
+/* Is the cell one? Then b. */
+static PetscBool set_samples_in_box(CutCells p, const PetscReal xc[], BoxSamples *b)
 {
   const PetscInt n = p->nsample, step[3] = {1, 3, 9};
-  PetscReal      size = PetscPowRealInt(1.0 / n, 3), at[3][MAX_SAMPLES];
+  PetscReal      edge[3];
 
+  if (p->loc->dim == 2 || !MeshIsBox(3, p->loc->nb, xc, BOX, edge)) return PETSC_FALSE;
+  b->size = PetscPowRealInt(1.0 / n, 3);
   for (PetscInt a = 0; a < 3; a++) {
     const PetscReal *v = xc + a;
 
-    size *= edge[a];
+    b->step[a] = edge[a] / n;
+    b->size *= edge[a];
     for (PetscInt s = 0; s < n; s++)
-      at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
+      b->at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
   }
-  for (PetscInt z = 0, q = 0; z < n; z++)
-    for (PetscInt y = 0; y < n; y++)
-      for (PetscInt i = 0; i < n; i++, q++) {
-        x[q * 3]     = at[0][i];
-        x[q * 3 + 1] = at[1][y];
-        x[q * 3 + 2] = at[2][z];
-        w[q]         = size;
-      }
+  return PETSC_TRUE;
 }
 
 /* One axis after the other (sum factorisation): v holds the place and its slopes along the axes
@@ -176,116 +185,188 @@ static void set_samples_in_plane(CutCells p, const PetscReal xc[], PetscReal x[]
   }
 }
 
-/* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc. Is it a box in
-   space? */
-static PetscBool set_samples(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+/* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
+static void set_samples(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  const PetscInt dim = p->loc->dim;
-  PetscReal      edge[3];
-  PetscBool      box = (PetscBool)(dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge));
-
-  if (box) set_samples_in_box(p, xc, edge, x, w);
-  else if (dim == 3) set_samples_in_space(p, xc, x, w);
+  for (PetscInt r = 0; r < p->nsample * p->nsample; r++) p->filled[r] = 1;
+  if (p->loc->dim == 3) set_samples_in_space(p, xc, x, w);
   else set_samples_in_plane(p, xc, x, w);
-  return box;
 }
 
-/* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest */
-static void sum_moments(CutCells p, const PetscReal w[], PetscReal m[])
+/* ---- moments ---- */
+
+static void add_line(const struct _p_CutCells *p, PetscInt y, Pairs line, Pairs plane[NPAIR])
 {
-  const PetscInt n = p->nsample, dim = p->loc->dim, planes = dim == 2 ? 1 : n, blocks = dim == 2 ? 1 : NPAIR;
+  for (PetscInt j = 0; j < NPAIR; j++) plane[j] += p->pair[y][j] * line;
+}
+
+static void add_plane(const struct _p_CutCells *p, PetscInt z, const Pairs plane[NPAIR], Pairs sum[NPAIR][NPAIR])
+{
+  for (PetscInt k = 0; k < (p->loc->dim == 2 ? 1 : NPAIR); k++)
+    for (PetscInt j = 0; j < NPAIR; j++) sum[k][j] += (p->loc->dim == 2 ? 1 : p->pair[z][k]) * plane[j];
+}
+
+static void put_moments(CutCells p, Pairs sum[NPAIR][NPAIR], PetscReal m[])
+{
+  for (PetscInt k = 0; k < (p->loc->dim == 2 ? 1 : NPAIR); k++)
+    for (PetscInt j = 0; j < NPAIR; j++)
+      for (PetscInt i = 0; i < NPAIR; i++) *m++ = sum[k][j][i];
+}
+
+/* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest; *volume: of the
+   weights. Rows along the first axis that are not `filled` have none. */
+static void sum_moments(CutCells p, const PetscReal w[], PetscReal m[], PetscReal *volume)
+{
+  const PetscInt n = p->nsample, planes = p->loc->dim == 2 ? 1 : n;
   Pairs          sum[NPAIR][NPAIR] = {{{0}}};
+  PetscReal      v                 = 0;
 
   for (PetscInt z = 0; z < planes; z++) {
-    Pairs plane[NPAIR] = {{0}};
+    Pairs     plane[NPAIR] = {{0}};
+    PetscBool any          = PETSC_FALSE;
 
-    for (PetscInt y = 0; y < n; y++) {
+    for (PetscInt y = 0; y < n; y++, w += n) {
       Pairs line = {0};
 
-      for (PetscInt x = 0; x < n; x++) line += w[(z * n + y) * n + x] * p->pair[x];
-      for (PetscInt j = 0; j < NPAIR; j++) plane[j] += p->pair[y][j] * line;
+      if (!p->filled[z * n + y]) continue;
+      any = PETSC_TRUE;
+      for (PetscInt x = 0; x < n; x++) {
+        line += w[x] * p->pair[x];
+        v += w[x];
+      }
+      add_line(p, y, line, plane);
     }
-    for (PetscInt k = 0; k < blocks; k++)
-      for (PetscInt j = 0; j < NPAIR; j++) sum[k][j] += (dim == 2 ? 1 : p->pair[z][k]) * plane[j];
+    if (any) add_plane(p, z, plane, sum);
   }
-  for (PetscInt e = 0; e < blocks * NPAIR * NPAIR; e++) m[e] = sum[e / (NPAIR * NPAIR)][e / NPAIR % NPAIR][e % NPAIR];
+  put_moments(p, sum, m);
+  *volume = v;
+}
+
+/* The same of a whole box with samples of this size: all rows are alike, and all planes */
+static void sum_box(CutCells p, PetscReal size, PetscReal m[])
+{
+  const PetscInt n                 = p->nsample;
+  Pairs          sum[NPAIR][NPAIR] = {{{0}}}, plane[NPAIR] = {{0}}, line = {0};
+
+  for (PetscInt x = 0; x < n; x++) line += size * p->pair[x];
+  for (PetscInt y = 0; y < n; y++) add_line(p, y, line, plane);
+  for (PetscInt z = 0; z < n; z++) add_plane(p, z, plane, sum);
+  put_moments(p, sum, m);
 }
 
 /* ---- parts of cells ---- */
 
-/* Rows of samples along the first axis, of octant o of a box: *n of them from sample row[] on, each `length` long */
-static void get_octant(const struct _p_CutCells *p, PetscInt o, PetscInt *n, PetscInt *length, PetscInt row[])
+/* All of a block is inside */
+static void fill_block(CutCells p, const SampleBlock *b, PetscReal size, PetscReal w[])
 {
-  const PetscInt all = p->nsample, half = all / 2;
-  PetscInt       first[3], size[3];
+  for (PetscInt z = b->first[2]; z < b->first[2] + b->size[2]; z++)
+    for (PetscInt y = b->first[1]; y < b->first[1] + b->size[1]; y++) {
+      const PetscInt row = z * p->nsample + y;
 
-  for (PetscInt a = 0; a < 3; a++) {
-    first[a] = (o >> a) & 1 ? half : 0;
-    size[a]  = (o >> a) & 1 ? all - half : half;
-  }
-  *n      = size[1] * size[2];
-  *length = size[0];
-  for (PetscInt r = 0; r < *n; r++) row[r] = ((first[2] + r / size[1]) * all + first[1] + r % size[1]) * all + first[0];
+      p->filled[row] = 1;
+      for (PetscInt x = b->first[0]; x < b->first[0] + b->size[0]; x++) w[row * p->nsample + x] = size;
+    }
 }
 
-/* Distances of the samples of a box. An octant farther from the surface than `near` by that of its centre has the
-   centre's: the signed distance changes by at most the way. *outside: all octants, on the outside. */
-static PetscErrorCode measure_box(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal near,
-                                  PetscBool *outside)
+/* The eight halves of a block, and their centres */
+static void halve_block(const SampleBlock *b, const BoxSamples *box, SampleBlock half[8], PetscReal centre[8 * 3])
 {
-  const PetscInt all = sample_count(p);
-  PetscReal     *x = p->x + 3 * all, *d = p->d + 2 * all, centre[8 * 3], dc[8], radius[8];
-  PetscInt       n, length, row[MAX_SAMPLES * MAX_SAMPLES], m = 0;
+  for (PetscInt o = 0; o < 8; o++)
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscInt low = b->size[a] / 2, upper = (o >> a) & 1;
+
+      half[o].first[a]  = (unsigned char)(b->first[a] + (upper ? low : 0));
+      half[o].size[a]   = (unsigned char)(upper ? b->size[a] - low : low);
+      centre[3 * o + a] = 0.5 * (box->at[a][half[o].first[a]] + box->at[a][half[o].first[a] + half[o].size[a] - 1]);
+    }
+}
+
+/* Half the diagonal of a block */
+static PetscReal block_radius(const SampleBlock *b, const BoxSamples *box)
+{
+  PetscReal square = 0;
+
+  for (PetscInt a = 0; a < 3; a++) square += PetscSqr(0.5 * (b->size[a] - 1) * box->step[a]);
+  return (1 + BOX) * PetscSqrtReal(square);
+}
+
+/* Blocks of a box that may be within `near` of the surface, halved until no side has more than three samples: the
+   signed distance changes by at most the way from their centres. Others inside get their weights, outside none. Are
+   there none outside? */
+static PetscErrorCode find_near_blocks(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4],
+                                       PetscReal near, const BoxSamples *box, PetscInt *nblock, PetscReal w[],
+                                       PetscBool *whole)
+{
+  PetscInt n = 1;
 
   PetscFunctionBeginUser;
-  for (PetscInt o = 0; o < 8; o++) {
-    PetscReal square = 0;
+  p->block[0] = (SampleBlock){
+    .size = {(unsigned char)p->nsample, (unsigned char)p->nsample, (unsigned char)p->nsample}};
+  for (PetscInt side = p->nsample; side > 3 && n > 0; side -= side / 2) {
+    const PetscInt m = 8 * n;
 
-    get_octant(p, o, &n, &length, row);
-    for (PetscInt a = 0; a < 3; a++) {
-      const PetscReal low = p->x[3 * row[0] + a], high = p->x[3 * (row[n - 1] + length - 1) + a];
+    for (PetscInt b = 0; b < n; b++) halve_block(p->block + b, box, p->half + 8 * b, p->x + 24 * b);
+    PetscCall(BodiesDistance(p->bodies, k, X, q, m, p->x, p->d));
+    n = 0;
+    for (PetscInt b = 0; b < m; b++) {
+      const PetscReal far = near + block_radius(p->half + b, box);
 
-      centre[3 * o + a] = 0.5 * (low + high);
-      square += PetscSqr(0.5 * (high - low));
+      if (p->d[b] < -far) fill_block(p, p->half + b, box->size, w);
+      else if (p->d[b] <= far) p->block[n++] = p->half[b];
+      else *whole = PETSC_FALSE;
     }
-    radius[o] = (1 + BOX) * PetscSqrtReal(square);
   }
-  PetscCall(BodiesDistance(p->bodies, k, X, q, 8, centre, dc));
-  *outside = PETSC_TRUE;
-  for (PetscInt o = 0; o < 8; o++) {
-    const PetscReal far = near + radius[o];
-
-    if (dc[o] > far) continue;
-    *outside = PETSC_FALSE;
-    if (dc[o] < -far) continue;
-    get_octant(p, o, &n, &length, row);
-    for (PetscInt r = 0; r < n; r++, m += length) PetscCall(PetscArraycpy(x + 3 * m, p->x + 3 * row[r], 3 * length));
-  }
-  if (*outside) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesDistance(p->bodies, k, X, q, m, x, d));
-  for (PetscInt o = 0; o < 8; o++) {
-    const PetscBool far = (PetscBool)(PetscAbsReal(dc[o]) > near + radius[o]);
-
-    get_octant(p, o, &n, &length, row);
-    for (PetscInt r = 0; r < n; r++)
-      for (PetscInt i = 0; i < length; i++) p->d[row[r] + i] = far ? dc[o] : *d++;
-  }
+  *nblock = n;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Weights w [n] times the part of each sample that is inside at a distance d, which falls linearly over `width`: a loop
-   for registers. Are all inside? */
-static PetscBool take_inside(PetscInt n, PetscReal width, const PetscReal *restrict d, PetscReal *restrict w)
+/* d [n]: distances, then the part of each sample that is inside, which falls linearly over `width`: loops for
+   registers. Are all inside? */
+static PetscBool take_inside(PetscInt n, PetscReal width, PetscReal d[])
 {
-  PetscInt64 less = 0;
+  PetscInt less = 0;
 
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal part = 0.5 - d[i] / width, some = part > 0.0 ? part : 0.0, chi = some < 1.0 ? some : 1.0;
+    const PetscReal part = 0.5 - d[i] / width, some = part > 0.0 ? part : 0.0;
 
-    less += chi < 1.0;
-    w[i] *= chi;
+    d[i] = some < 1.0 ? some : 1.0;
   }
+  for (PetscInt i = 0; i < n; i++) less |= d[i] < 1.0;
   return (PetscBool)(less == 0);
+}
+
+/* Weights w [samples] of the part of a box that is inside. *whole: all of it. */
+static PetscErrorCode sample_box(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal width,
+                                 const BoxSamples *box, PetscReal w[], PetscBool *whole)
+{
+  const PetscInt n      = p->nsample;
+  PetscInt       nblock = 0, m = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(w, sample_count(p)));
+  PetscCall(PetscArrayzero(p->filled, n * n));
+  *whole = PETSC_TRUE;
+  PetscCall(find_near_blocks(p, k, X, q, 0.5 * width, box, &nblock, w, whole));
+  for (PetscInt b = 0; b < nblock; b++) {
+    const unsigned char *first = p->block[b].first, *size = p->block[b].size;
+
+    for (PetscInt z = first[2]; z < first[2] + size[2]; z++)
+      for (PetscInt y = first[1]; y < first[1] + size[1]; y++) {
+        const PetscInt row = z * n + y;
+
+        p->filled[row] = 1;
+        for (PetscInt x = first[0]; x < first[0] + size[0]; x++, m++) {
+          p->x[3 * m]     = box->at[0][x];
+          p->x[3 * m + 1] = box->at[1][y];
+          p->x[3 * m + 2] = box->at[2][z];
+          p->sample[m]    = row * n + x;
+        }
+      }
+  }
+  PetscCall(BodiesDistance(p->bodies, k, X, q, m, p->x, p->d));
+  if (!take_inside(m, width, p->d)) *whole = PETSC_FALSE;
+  for (PetscInt i = 0; i < m; i++) w[p->sample[i]] = box->size * p->d[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
@@ -296,19 +377,20 @@ static PetscErrorCode cut_cell(CutCells p, PetscInt cell, PetscInt k, const Pets
   const PetscInt   n = sample_count(p);
   const PetscReal *size;
   PetscReal        xc[MESH_MAX_NB * 3], *w = p->d + n, width;
-  PetscBool        outside = PETSC_FALSE;
+  BoxSamples       box;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(p->flow, &size));
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  width   = size[cell] / p->nsample;
-  *volume = 0;
-  if (set_samples(p, xc, p->x, w) && p->nsample > 3) PetscCall(measure_box(p, k, X, q, 0.5 * width, &outside));
-  else PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
-  if (outside) PetscFunctionReturn(PETSC_SUCCESS);
-  *whole = take_inside(n, width, p->d, w);
-  for (PetscInt i = 0; i < n; i++) *volume += w[i];
-  if (*volume > 0 && !*whole) sum_moments(p, w, m);
+  width = size[cell] / p->nsample;
+  if (set_samples_in_box(p, xc, &box)) PetscCall(sample_box(p, k, X, q, width, &box, w, whole));
+  else {
+    set_samples(p, xc, p->x, w);
+    PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
+    *whole = take_inside(n, width, p->d);
+    for (PetscInt i = 0; i < n; i++) w[i] *= p->d[i];
+  }
+  sum_moments(p, w, m, volume);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -386,38 +468,35 @@ PetscErrorCode CutCellsCut(CutCells p, PetscReal (*X)[3], PetscReal (*q)[4], Pet
 
 /* ---- what is known of the parts ---- */
 
-/* Moments of a whole cell */
 static PetscErrorCode take_whole_cell(CutCells p, PetscInt cell, PetscReal m[])
 {
-  PetscReal xc[MESH_MAX_NB * 3], *w = p->d + sample_count(p);
+  PetscReal  xc[MESH_MAX_NB * 3], *w = p->d + sample_count(p), volume;
+  BoxSamples box;
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  (void)set_samples(p, xc, p->x, w);
-  sum_moments(p, w, m);
+  if (set_samples_in_box(p, xc, &box)) sum_box(p, box.size, m);
+  else {
+    set_samples(p, xc, p->x, w);
+    sum_moments(p, w, m, &volume);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CutCellsGetMoments(CutCells p, const CutCell *cut, PetscReal sigma, PetscReal moment[])
+PetscErrorCode CutCellsGetMoments(CutCells p, const CutCell *cut, const PetscReal *moment[])
 {
   PetscFunctionBeginUser;
-  if (cut->moments < 0) PetscCall(take_whole_cell(p, cut->cell, moment));
-  for (PetscInt e = 0; e < CUT_MOMENTS; e++)
-    moment[e] = sigma * (cut->moments < 0 ? moment : p->moments + cut->moments)[e];
+  *moment = cut->moments < 0 ? p->whole : p->moments + cut->moments;
+  if (cut->moments < 0) PetscCall(take_whole_cell(p, cut->cell, p->whole));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CutCellsGetMatrix(CutCells p, const CutCell *cut, PetscReal sigma, PetscReal pen[])
+void CutCellsGetMatrix(CutCells p, const CutCell *cut, const PetscReal moment[], PetscReal sigma, PetscReal pen[])
 {
-  const PetscInt   nb = p->loc->nb;
-  PetscReal        whole[NPAIR * NPAIR * NPAIR];
-  const PetscReal *m = cut->moments < 0 ? whole : p->moments + cut->moments;
+  const PetscInt nb = p->loc->nb;
 
-  PetscFunctionBeginUser;
-  if (cut->moments < 0) PetscCall(take_whole_cell(p, cut->cell, whole));
-  for (PetscInt e = 0; e < nb * nb; e++) pen[e] = sigma * m[p->moment[e]];
+  for (PetscInt e = 0; e < nb * nb; e++) pen[e] = sigma * moment[p->moment[e]];
   MeshCellMatrix(p->loc, cut->cell, 1, nb, pen);
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CutCellsGet(CutCells p, PetscInt *n, const CutCell *cut[])
@@ -462,6 +541,7 @@ PetscErrorCode CutCellsMeasureCells(CutCells p)
 PetscErrorCode CutCellsCreate(Flow flow, Bodies bodies, PetscInt nsample, CutCells *cut_cells)
 {
   CutCells p;
+  PetscInt n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -473,7 +553,9 @@ PetscErrorCode CutCellsCreate(Flow flow, Bodies bodies, PetscInt nsample, CutCel
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   tabulate_samples(p);
   tabulate_moments(p);
-  PetscCall(PetscMalloc2(2 * sample_count(p) * p->loc->dim, &p->x, 3 * sample_count(p), &p->d));
+  n = sample_count(p);
+  PetscCall(
+    PetscMalloc6(n * p->loc->dim, &p->x, 2 * n, &p->d, n, &p->sample, n, &p->filled, n, &p->block, n, &p->half));
   PetscCall(CutCellsMeasureCells(p));
   *cut_cells = p;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -485,7 +567,7 @@ PetscErrorCode CutCellsDestroy(CutCells *cut_cells)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2(p->x, p->d));
+  PetscCall(PetscFree6(p->x, p->d, p->sample, p->filled, p->block, p->half));
   PetscCall(PetscFree(p->cut));
   PetscCall(PetscFree(p->moments));
   PetscCall(PetscFree(*cut_cells));

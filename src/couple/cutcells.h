@@ -33,9 +33,9 @@ PetscErrorCode CutCellsMeasureCells(CutCells);
 PetscErrorCode CutCellsCut(CutCells, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
 /* The n parts, by bodies. Borrowed. */
 PetscErrorCode CutCellsGet(CutCells, PetscInt *n, const CutCell *cut[]);
-/* In space, moments [CUT_MOMENTS] of the part times sigma: of products of 6 pairs of functions along the axes (00 01 02
-   11 12 22, the last axis slowest). */
+/* Moments of the part, [CUT_MOMENTS] in space: of products of 6 pairs of functions along the axes (00 01 02 11 12 22,
+   the last axis slowest). Borrowed until the next call. */
 #define CUT_MOMENTS 216
-PetscErrorCode CutCellsGetMoments(CutCells, const CutCell *, PetscReal sigma, PetscReal moment[]);
-/* pen [nb][nb]: sigma int phi_i phi_j over the part. */
-PetscErrorCode CutCellsGetMatrix(CutCells, const CutCell *, PetscReal sigma, PetscReal pen[]);
+PetscErrorCode CutCellsGetMoments(CutCells, const CutCell *, const PetscReal *moment[]);
+/* From them pen [nb][nb]: sigma int phi_i phi_j over the part. */
+void CutCellsGetMatrix(CutCells, const CutCell *, const PetscReal moment[], PetscReal sigma, PetscReal pen[]);

@@ -172,12 +172,15 @@ static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
 }
 
 /* The same for a device, by its moments */
-static PetscErrorCode describe_term(Penalty p, const CutCell *cut, PetscReal sigma, const PetscBool strong[])
+static PetscErrorCode describe_term(Penalty p, const PetscReal moment[], PetscReal sigma, const PetscBool strong[])
 {
+  PetscReal *to;
+
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(p->nterm + 1, &p->moment_capacity, &p->moment, CUT_MOMENTS * sizeof(*p->moment), &p->without,
                          sizeof(*p->without), NULL));
-  PetscCall(CutCellsGetMoments(p->cut_cells, cut, sigma, p->moment + p->nterm * CUT_MOMENTS));
+  to = p->moment + p->nterm * CUT_MOMENTS;
+  for (PetscInt e = 0; e < CUT_MOMENTS; e++) to[e] = sigma * moment[e];
   p->without[p->nterm] = 0;
   for (PetscInt j = 0; j < p->loc->nb; j++)
     if (strong[j]) p->without[p->nterm] |= 1 << j;
@@ -199,6 +202,7 @@ static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
 {
   const MeshLocal *l  = p->loc;
   const PetscInt   nb = l->nb, *node = l->cell_node + cut->cell * nb;
+  const PetscReal *moment;
   PetscReal       *pen, scale, sigma = 0, stiff = 1;
   PetscBool        strong[MESH_MAX_NB], any = PETSC_FALSE, all = PETSC_TRUE;
 
@@ -214,13 +218,14 @@ static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
   PetscCall(ArrayReserve(p->nterm + 1, &p->term_capacity, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
                          sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;
-  PetscCall(CutCellsGetMatrix(p->cut_cells, cut, sigma, pen));
+  PetscCall(CutCellsGetMoments(p->cut_cells, cut, &moment));
+  CutCellsGetMatrix(p->cut_cells, cut, moment, sigma, pen);
   scale = lumping_scale(nb, pen);
   for (PetscInt i = 0; i < nb && any; i++)
     for (PetscInt j = 0; j < nb; j++)
       if (strong[i] || strong[j]) pen[i * nb + j] = 0;
   PetscCall(add_entries(p, cut, pen, scale));
-  if (FlowGetQueue(p->flow)) PetscCall(describe_term(p, cut, sigma, strong));
+  if (FlowGetQueue(p->flow)) PetscCall(describe_term(p, moment, sigma, strong));
   p->term_cell[p->nterm]   = cut->cell;
   p->term_body[p->nterm++] = cut->body;
   PetscFunctionReturn(PETSC_SUCCESS);

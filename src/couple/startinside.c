@@ -47,10 +47,12 @@ static PetscErrorCode take_part(Couple c, CutCells cells, const CutCell *cut, co
 {
   const MeshLocal *l  = c->loc;
   const PetscInt   nb = l->nb, dim = l->dim, *node = l->cell_node + cut->cell * nb;
+  const PetscReal *moment;
   PetscReal        part[MESH_MAX_NB * MESH_MAX_NB], r[3] = {0, 0, 0}, v[3];
 
   PetscFunctionBeginUser;
-  PetscCall(CutCellsGetMatrix(cells, cut, 1, part));
+  PetscCall(CutCellsGetMoments(cells, cut, &moment));
+  CutCellsGetMatrix(cells, cut, moment, 1, part);
   for (PetscInt j = 0; j < nb; j++) {
     const PetscInt i        = node[j];
     PetscReal      fraction = 0;

@@ -1,5 +1,5 @@
-/* Penalty: the parts of cells add up to the body, a rigid motion meets no penalty, momentum is balanced for fixed and
-   free bodies, at walls and in shared cells; 3D. */
+/* Penalty: the parts of cells add up to the body and are the sums of their samples, a rigid motion meets no penalty,
+   momentum is balanced for fixed and free bodies, at walls and in shared cells; 3D. */
 /* ranks: 1 2 3 */
 #include "couple/couple.h"
 #include "flowcase.h"
@@ -63,6 +63,82 @@ static void test_volume(void **state)
     OK(PenaltyDestroy(&p));
     close_case(&c);
   }
+}
+
+/* Moments [6][6][6] of a cell that is a box, by all n^3 samples one after the other */
+static void sum_samples(const Case *c, PetscInt cell, PetscInt n, PetscReal m[])
+{
+  const PetscReal *size;
+  PetscReal        xc[MESH_MAX_NB * 3], x[3], d;
+
+  OK(FlowGetCellSize(c->flow, &size));
+  OK(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt e = 0; e < CUT_MOMENTS; e++) m[e] = 0;
+  for (PetscInt q = 0; q < n * n * n; q++) {
+    const PetscInt at[3] = {q % n, q / n % n, q / n / n};
+    PetscReal      pair[3][6], w = 1;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal s = (2 * at[a] + 1.0) / n - 1, edge = xc[26 * 3 + a] - xc[a];
+      const PetscReal f[3] = {s * (s - 1) / 2, 1 - s * s, s * (s + 1) / 2};
+
+      x[a] = xc[a] + edge * (s + 1) / 2;
+      w *= edge / n;
+      for (PetscInt i = 0, p = 0; i < 3; i++)
+        for (PetscInt j = i; j < 3; j++) pair[a][p++] = f[i] * f[j];
+    }
+    OK(BodiesDistance(c->bodies, 0, NULL, NULL, 1, x, &d));
+    w *= PetscMax(0, PetscMin(1, 0.5 - d * n / size[cell]));
+    for (PetscInt e = 0; e < CUT_MOMENTS; e++) m[e] += w * pair[0][e % 6] * pair[1][e / 6 % 6] * pair[2][e / 36];
+  }
+}
+
+/* Blocks of samples that are far from a surface are not measured, whole cells are summed by axes: the moments are those
+   of all samples, and no cell is missing */
+static void check_samples(const char options[], PetscInt n)
+{
+  Case             c;
+  CutCells         parts;
+  const CutCell   *part;
+  const PetscReal *got;
+  PetscReal        want[CUT_MOMENTS], volume = 0, sum = 0;
+  PetscInt         npart, whole = 0;
+
+  open_case(&c, options);
+  OK(CutCellsCreate(c.flow, c.bodies, n, &parts));
+  OK(CutCellsCut(parts, c.s->x, c.s->q, c.s->x, NULL));
+  OK(CutCellsGet(parts, &npart, &part));
+  for (PetscInt t = 0; t < npart; t++) {
+    OK(CutCellsGetMoments(parts, part + t, &got));
+    sum_samples(&c, part[t].cell, n, want);
+    for (PetscInt e = 0; e < CUT_MOMENTS; e++) BELOW(got[e] - want[e], 1e-12 * part[t].volume);
+    whole += part[t].moments < 0;
+    volume += part[t].volume;
+  }
+  for (PetscInt cell = 0; cell < c.l->ncell_all; cell++) {
+    sum_samples(&c, cell, n, want); /* functions of an axis add up to 1: so do their products */
+    for (PetscInt e = 0; e < CUT_MOMENTS; e++)
+      sum += want[e] * (e % 6 % 5 == 0 || e % 6 == 3 ? 1 : 2) * (e / 6 % 6 % 5 == 0 || e / 6 % 6 == 3 ? 1 : 2) *
+             (e / 36 % 5 == 0 || e / 36 == 3 ? 1 : 2);
+  }
+  NEAR(volume, sum, 1e-12 * volume);
+  assert_true(total(whole) > 0 && total(npart - whole) > 0);
+  OK(CutCellsDestroy(&parts));
+  close_case(&c);
+}
+
+static void test_samples(void **state)
+{
+#define SPACE  "-mesh_dimension 3 -mesh_upper 1,1.2,1 -mesh_cells 6,7,5 -particle_groups a -particle_a_free none "
+#define TURNED "-particle_a_position 0.46,0.62,0.5 -particle_a_axis 1,2,0 -particle_a_angle 0.5 "
+  (void)state;
+  check_samples(SPACE TURNED "-particle_a_shape circle -particle_a_radius 0.35", 10);
+  check_samples(SPACE TURNED "-particle_a_shape circle -particle_a_radius 0.35", 20);
+  check_samples(SPACE TURNED "-particle_a_shape circle -particle_a_radius 0.35", 3);
+  check_samples(SPACE TURNED "-particle_a_shape ellipse -particle_a_a 0.4 -particle_a_b 0.3 -particle_a_c 0.35 "
+                             "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.5,0.6,0.5",
+                7);
+  check_samples(SPACE TURNED "-particle_a_shape box -particle_a_size 0.6,0.7,0.5", 10);
 }
 
 /* y = (S with the penalty - S without) x at own nodes, one component */
@@ -239,8 +315,9 @@ static void test_rest_and_solvers(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume), cmocka_unit_test(test_rigid_motion_is_free),
-                                     cmocka_unit_test(test_balance), cmocka_unit_test(test_rest_and_solvers)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume), cmocka_unit_test(test_samples),
+                                     cmocka_unit_test(test_rigid_motion_is_free), cmocka_unit_test(test_balance),
+                                     cmocka_unit_test(test_rest_and_solvers)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
