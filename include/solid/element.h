@@ -20,6 +20,9 @@ PetscReal SolidCellForce(const SolidMesh *, const SolidMaterial *, PetscInt c, c
    derivative and nowhere negative is for each component sum_i v_i v_i^T over the nodes i, v_i at their neighbours in
    laplace of the mesh from then on. */
 PetscReal SolidBend(const SolidMesh *, PetscReal bending, const PetscReal x[], PetscReal f[]);
+/* The area (in the plane length) A of a membrane at x [nnode][dim]; l [nnode][dim] its derivative. With a modulus k of
+   the area as a whole the energy is k/2 (A - A_0)^2/A_0, and its force the tension k (A/A_0 - 1) times l. */
+PetscReal SolidFindArea(const SolidMesh *, const PetscReal x[], PetscReal l[]);
 /* m [nb][nb] = int phi_i phi_j over the reference cell */
 void SolidCellMass(const SolidMesh *, PetscInt c, PetscReal m[]);
 /* V [nb * dim][nb * dim] = 2 eta int D(phi_i) : D(phi_j) over the cell as it is at x, with eta = 1 */
@@ -45,7 +48,7 @@ static inline void SolidLocate(const SolidMesh *m, PetscInt q, const PetscReal x
 typedef struct {
   PetscReal volume, centroid[3];
   PetscReal area;          /* of a membrane */
-  PetscReal strain_energy; /* of the whole law */
+  PetscReal strain_energy; /* of the whole law, bending and the area as a whole */
   PetscReal stretch_max;
   PetscReal rotation;  /* in the plane: angle of the polar decomposition of the mean F */
   PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
@@ -56,5 +59,7 @@ void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[],
 void SolidMeanVelocity(const SolidMesh *, const PetscReal x[], const PetscReal u[], PetscReal mean[3]);
 /* Nodes x [nnode][dim] of a membrane are moved along its normal, all but those that are held as far, until it encloses
    its reference volume; those of a solid, none of which is held, away from its centroid, until it has that. *error:
-   what was put right, over that volume. */
-PetscErrorCode SolidKeepVolume(const SolidMesh *, const PetscBool held[], PetscReal x[], PetscReal *error);
+   what was put right, over that volume. area, of a membrane: it is also stretched along its axes until it has that
+   (0: it is not; nor where it is nearly round, and no other shape of its volume has less). */
+PetscErrorCode SolidKeepVolume(const SolidMesh *, const PetscBool held[], PetscReal area, PetscReal x[],
+                               PetscReal *error);

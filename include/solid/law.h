@@ -32,6 +32,8 @@ typedef struct {
   PetscReal kappa;   /* of the isotropic part that others carry, 0: none */
   PetscReal area;    /* of a membrane: what resists a change of area */
   PetscReal bending; /* likewise, force times length: see solid/element.h */
+  PetscReal global;  /* likewise, of the area as a whole: see solid/element.h */
+  PetscReal tension; /* likewise, what that has it pull with, the same everywhere */
 } SolidMaterial;
 
 /* First Piola stress P [dim][dim] (P_iA by space i, reference A) at F [dim][dim], and its derivative by F, C

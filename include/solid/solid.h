@@ -45,6 +45,7 @@ typedef struct {
   PetscInt          nnode;                 /* of all solids */
   PetscReal        *X;                     /* [nnode][dim] in space at the start, */
   PetscReal        *x, *x_old, *u, *u_old; /* positions and velocities now and a step before */
+  PetscReal        *tension;               /* [n] of membranes whose area is held as a whole, else 0 */
   PetscReal         time_dt;               /* length of the last step, 0: none so far */
 } SolidsState;
 
@@ -64,13 +65,15 @@ PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, const PetscR
 PetscErrorCode SolidsDestroy(Solids *);
 PetscErrorCode SolidsGetState(Solids, SolidsState **);
 /* Does some membrane enclose a fluid of another viscosity than that around it? */
-PetscBool      SolidsHaveInnerFluid(Solids);
+PetscBool SolidsHaveInnerFluid(Solids);
+/* How many membranes have a modulus of the area as a whole */
+PetscInt       SolidsCountGlobalAreas(Solids);
 PetscErrorCode SolidsView(Solids, PetscViewer);
 
 /* Sums of solid k as it is now. */
 void SolidsMeasure(Solids, PetscInt k, SolidSums *);
-/* The step is taken: x, u [nnode][dim] are those of its end. */
-PetscErrorCode SolidsAccept(Solids, PetscReal dt, const PetscReal x[], const PetscReal u[]);
+/* The step is taken: x, u [nnode][dim] and the tensions [n] are those of its end (NULL: there are none). */
+PetscErrorCode SolidsAccept(Solids, PetscReal dt, const PetscReal x[], const PetscReal u[], const PetscReal tension[]);
 /* A step without flow under this gravity [dim]: Newton's method, bdf2 (the first step implicit Euler). Collective.
    Error: Newton's method fails. */
 PetscErrorCode SolidsAdvance(Solids, PetscReal dt, const PetscReal gravity[]);

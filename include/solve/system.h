@@ -47,19 +47,21 @@ PetscErrorCode FlowSolverSetContactCoupling(FlowSolver, PetscInt n, const BodySp
    between steps. */
 PetscErrorCode FlowSolverSetPenalty(FlowSolver, const PenaltyTerm *);
 
-/* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown
-   and one more row each, which hold up to rounding whatever the tolerances (flowrate.c). Nodes count with their
-   lumped mass. The right-hand side of FlowSolverSolve holds the forces as they were before. */
+/* Integrals of the velocity that are held, each by a force with the weights of the integral: one more unknown and one
+   more row each, which hold up to rounding whatever the tolerances, and one more solve where the last does not serve
+   (integrals.c). The right-hand side of FlowSolverSolve holds the forces as they were before. */
 typedef struct {
-  PetscInt   n; /* at most 3 */
-  PetscInt   axis[3];
-  PetscReal *rigid[3];  /* [nbodies][nr] weights of rigid velocities whose bodies hold no nodes; what the force does to
-                           their rows */
-  PetscReal  target[3]; /* the integrals */
-  PetscReal  force[3];  /* set by FlowSolverSolve: what is to be added to the force per volume */
-} FlowRateConstraint;
-/* Borrowed, from the next FlowSolverSolve on; n and axis must not change. Collective. */
-PetscErrorCode FlowSolverSetFlowRate(FlowSolver, FlowRateConstraint *);
+  PetscInt         axis;   /* nodes count with their lumped mass along it, or else, */
+  const PetscReal *nodal;  /* [own nodes][dim], with these weights (NULL: with their mass) */
+  const PetscReal *rigid;  /* [nbodies][nr] weights of rigid velocities whose bodies hold no nodes; what the force does
+                              to their rows (NULL: none) */
+  PetscReal        target; /* the integral, plus */
+  PetscReal        give;   /* this times the force (0: the integral alone) */
+  PetscReal        force;  /* set by FlowSolverSolve: what is to be added to the force, in the unit of its weights */
+  const char      *stuck;  /* what the error says of a force that moves nothing */
+} FlowIntegral;
+/* Adds to those that are held; borrowed, from the next FlowSolverSolve on. Collective. */
+PetscErrorCode FlowSolverAddIntegrals(FlowSolver, PetscInt n, FlowIntegral[]);
 
 /* ---- cells that change ---- */
 

@@ -39,6 +39,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(MatDestroy(&e->P));
   PetscCall(MatDestroy(&e->E));
   PetscCall(PetscFree(e->force));
+  PetscCall(ElasticTensionsDiscard(e));
   PetscCall(PetscFree(e->lumped));
   PetscCall(PetscFree(e->viscosity));
   PetscCall(ElasticInertiaDestroy(&e->inertia));
@@ -113,6 +114,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
+  PetscCall(ElasticTensionsMakeOnMesh(e, c));
   PetscCall(make_aligned(e, c, old));
   if (!SolidsHaveInnerFluid(e->solids)) PetscFunctionReturn(PETSC_SUCCESS);
   /* the solver is to know that there are viscosities; those of a step come with its geometry */
@@ -129,6 +131,7 @@ static PetscErrorCode destroy(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(discard(c, data));
+  PetscCall(ElasticTensionsDestroy(e));
   PetscCall(MatDestroy(&e->K));
   PetscCall(VecDestroy(&e->us));
   PetscCall(VecDestroy(&e->fs));
@@ -324,13 +327,15 @@ static PetscErrorCode solved(Couple c, void *data)
   Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
+  PetscCall(ElasticTensionsTake(e, c));
   PetscCall(ElasticTakeVelocity(e, c, c->field.u));
   for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->end[i] = e->a[i] + e->u[i] / c->step->ct;
   for (PetscInt k = 0; k < e->s->n; k++) {
     const SolidGroup *g = e->s->group + e->s->group_of[k];
 
     if (g->membrane || (!g->compressible && !g->nclamped))
-      PetscCall(SolidKeepVolume(&g->mesh, g->clamped, e->end + e->s->dim * e->s->first[k], e->kept + k));
+      PetscCall(SolidKeepVolume(&g->mesh, g->clamped, ElasticTensionsGetArea(e, k), e->end + e->s->dim * e->s->first[k],
+                                e->kept + k));
   }
   PetscCall(measure_force(e, c));
   measure_change(e, c->step);
@@ -410,7 +415,7 @@ static PetscErrorCode advance(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(remark_far(e, c));
   PetscCall(ElasticCheckStep(e, c));
-  PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u));
+  PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u, e->tensions.tension));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -458,6 +463,7 @@ static const CoupleParticipant ELASTIC = {.name          = "elastic",
                                           .limit         = limit,
                                           .overstep      = overstep,
                                           .advance       = advance,
+                                          .connect       = ElasticTensionsConnect,
                                           .before_remesh = keep_of_mesh,
                                           .discard       = discard,
                                           .after_remesh  = make_on_mesh,
@@ -558,6 +564,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(PetscCalloc7(n, &e->x, n, &e->a, n, &e->u, n, &e->end, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim,
                          &e->change, e->s->n, &e->kept));
   c->elastic = e;
+  PetscCall(ElasticTensionsCreate(e));
   PetscCall(create_rows(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
   PetscCall(give_corners(e, c));

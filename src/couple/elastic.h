@@ -19,6 +19,7 @@
 #include "elasticale.h"
 #include "elasticalign.h"
 #include "elasticinertia.h"
+#include "elastictension.h"
 #include "couple/elasticsurfaces.h"
 #include "pointcells.h"
 #include "solid/solid.h"
@@ -94,6 +95,7 @@ typedef struct Elastic {
   ElasticOnce       once;
   ElasticContacts   contacts;
   ElasticVolumes    volumes;
+  ElasticTensions   tensions;
   PetscReal         supplied; /* power of what prescribes velocities against the force of solids there, all ranks */
   PetscReal        *load;     /* [solids][dim] force on the flow in the step solved, all ranks */
   PetscReal        *kept;     /* [solids] error of the volume that was put right at the end of the step */

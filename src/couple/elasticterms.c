@@ -64,7 +64,8 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
   SolidGather(m, cell, e->a + at, a);
   SolidGather(m, cell, e->s->u + at, now);
   SolidGather(m, cell, e->s->u_old + at, old);
-  law.kappa = law.lambda; /* the pressure's */
+  law.kappa   = law.lambda; /* the pressure's */
+  law.tension = e->s->tension[k];
   (void)SolidCellForce(m, &law, cell, x, r, A);
   for (PetscInt i = 0; i < n; i++) {
     r[i] = s->at_rest ? 0 : -r[i];
@@ -378,6 +379,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
+  PetscCall(ElasticTensionsSet(e, c));
   if (e->align && !SolidsAreMembranes(e->s)) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
                             &(FlowOperator){.E         = e->E,

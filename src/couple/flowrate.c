@@ -1,7 +1,7 @@
 /* FlowRateControl: the uniform force on fluid and bodies that a scene does not give but asks for.
 
-   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowRateConstraint
-   in solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic
+   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowIntegral in
+   solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic
    axes, where no bottom carries it: `none`, no force but -flow_force (walls and bodies that stand still carry w;
    without any, fluid and bodies are accelerated for ever); `flux`, the force that holds the mean velocity of fluid and
    bodies at zero; `force`, the force - sum w/volume, under which nothing accelerates fluid and bodies as a whole (the
@@ -17,14 +17,17 @@ enum {
   FLUX,
   FORCE
 };
+#define STUCK "A uniform force does not move the fluid along the axes of -flow_rate"
 static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
 
 struct _p_FlowRateControl {
-  FlowRateResult     out;
-  PetscInt           backflow;
-  PetscReal          force[3];               /* ours */
-  PetscReal          rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
-  FlowRateConstraint constraint;
+  FlowRateResult out;
+  PetscInt       backflow;
+  PetscReal      force[3];               /* ours */
+  PetscReal      rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
+  PetscInt       n;                      /* integrals that are held, and the weights of rigid velocities in them */
+  FlowIntegral   integral[3];
+  PetscReal     *rigid[3];
 };
 
 /* Periodic axes along which gravity acts */
@@ -65,7 +68,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   FlowRateControl d = (FlowRateControl)data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->constraint.rigid[i]));
+  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->rigid[i]));
   PetscCall(PetscFree(c->flow_rate));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -76,7 +79,7 @@ static PetscErrorCode connect_solver(Couple c, void *data, FlowSolver solver)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (d->constraint.n) PetscCall(FlowSolverSetFlowRate(solver, &d->constraint));
+  if (d->n) PetscCall(FlowSolverAddIntegrals(solver, d->n, d->integral));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -96,8 +99,8 @@ static PetscErrorCode evaluate_weights(Couple c, FlowRateControl d)
     PetscReal weight[3][6];
 
     PetscCall(RigidInteriorVolume(c, k, weight));
-    for (PetscInt i = 0; i < d->constraint.n; i++)
-      PetscCall(PetscArraycpy(d->constraint.rigid[i] + k * c->nr, weight[d->constraint.axis[i]], c->nr));
+    for (PetscInt i = 0; i < d->n; i++)
+      PetscCall(PetscArraycpy(d->rigid[i] + k * c->nr, weight[d->integral[i].axis], c->nr));
   }
   PetscCall(CoupleGetInactiveVolume(c, &inactive));
   d->volume = volume + inactive;
@@ -138,9 +141,10 @@ static PetscErrorCode set_weights(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(evaluate_weights(c, d));
-  for (PetscInt i = 0; i < d->constraint.n; i++) {
-    d->constraint.target[i] = d->rate[d->constraint.axis[i]] * d->volume;
-    d->constraint.force[i]  = 0;
+  for (PetscInt i = 0; i < d->n; i++) {
+    d->integral[i].target = d->rate[d->integral[i].axis] * d->volume;
+    d->integral[i].force  = 0;
+    d->integral[i].rigid  = d->rigid[i];
   }
   if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(sum_loads(c, load));
@@ -156,9 +160,9 @@ static PetscErrorCode take_force(Couple c, void *data)
   FlowRateControl d = (FlowRateControl)data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < d->constraint.n; i++) {
-    d->force[d->constraint.axis[i]] += d->constraint.force[i];
-    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->constraint.force[i] * d->constraint.rigid[i][j];
+  for (PetscInt i = 0; i < d->n; i++) {
+    d->force[d->integral[i].axis] += d->integral[i].force;
+    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->integral[i].force * d->rigid[i][j];
   }
   PetscCall(FlowSetMeanPressureGradient(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -295,11 +299,10 @@ PetscErrorCode CoupleAddFlowRate(Couple c)
   d->out.controlled = c->par->rate_axes | (backflow == FLUX ? axes : 0);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     if (!((d->out.controlled >> a) & 1)) continue;
-    d->rate[a]                          = (c->par->rate_axes >> a) & 1 ? c->par->rate[a] : 0;
-    d->constraint.axis[d->constraint.n] = a;
-    PetscCall(
-      BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->constraint.rigid[d->constraint.n]));
-    d->constraint.n++;
+    d->rate[a]        = (c->par->rate_axes >> a) & 1 ? c->par->rate[a] : 0;
+    d->integral[d->n] = (FlowIntegral){.axis = a, .stuck = STUCK};
+    PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->rigid[d->n]));
+    d->n++;
   }
   c->flow_rate = d;
   PetscCall(CoupleAddParticipant(c, &FLOW_RATE, d));

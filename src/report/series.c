@@ -122,6 +122,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
    "of an incompressible one that is not held, and of membranes: error of its volume in the step, put right at its end by moving its nodes away from the centroid (of a membrane along its normal); of several the one furthest off"},
   {"solid_area_error_<group>", "", 12,
    "of a membrane: its area (in the plane length) over that at the start, less 1; of several the mean"},
+  {"solid_tension_<group>", "force/length", 12,
+   "of a membrane with -particle_<group>_global_area_modulus: what that has it pull with; in the plane a force; of several the mean"},
   {"watch_<x|y|z>_<group>_<i>", "length", 12, "displacement of point i of -particle_<group>_watch since the start"},
   {"aligned_penalty_bodies", "", 12,
    "method aligned: bodies that use the penalty, as the mesh could not be aligned with them in this step or one of the ten before; sum over the steps in summary.json, aligned_penalty_bodies_steps"},

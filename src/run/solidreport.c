@@ -24,18 +24,20 @@ enum {
   OF_AXIS_Y,
   OF_AXIS_Z,
   OF_AREA,
+  OF_TENSION,
   NGROUP
 };
 
 static const char *const NAMES[NGROUP] = {"x",       "y",           "u",      "v",           "volume_error",
                                           "energy",  "stretch",     "taylor", "inclination", "force_x",
                                           "force_y", "volume_kept", "z",      "w",           "force_z",
-                                          "axis_x",  "axis_y",      "axis_z", "area_error"};
+                                          "axis_x",  "axis_y",      "axis_z", "area_error",  "tension"};
 
 /* In space a direction takes the place of the angle */
 static PetscBool has_column(const SolidGroup *g, PetscInt dim, PetscInt i)
 {
   if (i == OF_AREA) return g->membrane;
+  if (i == OF_TENSION) return (PetscBool)(g->material.global > 0);
   if (i == OF_KEPT) return (PetscBool)!g->compressible;
   return (PetscBool)(dim == 2 ? i < NPLANE : i != OF_INCLINATION);
 }
@@ -124,6 +126,7 @@ static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
   v[OF_FORCE_Y] = force[1];
   v[OF_KEPT]    = r->couple ? CoupleGetVolumeKept(r->couple, k) : 0;
   v[OF_AREA]    = group->membrane ? sums.area / group->mesh.area - 1 : 0;
+  v[OF_TENSION] = r->s->tension[k];
   r->kept       = PetscMax(r->kept, PetscAbsReal(v[OF_KEPT]));
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -182,7 +182,7 @@ PetscErrorCode SolidsAdvance(Solids b, PetscReal dt, const PetscReal gravity[])
     PetscCall(solve(b, k, &sc, gravity, a + at, d + at, x + at));
   }
   for (PetscInt e = 0; e < n; e++) a[e] = (x[e] - a[e]) / sc.bdt;
-  PetscCall(SolidsAccept(b, dt, x, a));
+  PetscCall(SolidsAccept(b, dt, x, a, NULL));
   PetscCall(PetscFree3(x, a, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

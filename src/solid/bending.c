@@ -37,6 +37,26 @@ PetscErrorCode BendingCreate(SolidMesh *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscReal SolidFindArea(const SolidMesh *m, const PetscReal x[], PetscReal l[])
+{
+  const PetscInt dim = m->dim, nd = m->nd, nb = m->nb;
+  PetscReal      area = 0;
+
+  for (PetscInt e = 0; e < dim * m->nnode; e++) l[e] = 0;
+  for (PetscInt e = 0; e < m->ncell * m->nq; e++) {
+    const PetscInt  *node = m->cell_node + e / m->nq * nb;
+    const PetscReal *g = m->grad + e * nb * nd, w = m->weight[e];
+    PetscReal        xc[SOLID_MAX_N], F[6], Q[6];
+
+    SolidGather(m, e / m->nq, x, xc);
+    (void)SolidGradient(m, e / m->nq, e % m->nq, xc, F);
+    area += w * MembraneArea(dim, F, Q, NULL, NULL);
+    for (PetscInt i = 0; i < nb; i++)
+      for (PetscInt a = 0; a < dim * nd; a++) l[dim * node[i] + a / nd] += w * Q[a] * g[nd * i + a % nd];
+  }
+  return area;
+}
+
 static void add_to_row(const SolidMesh *m, PetscInt i, PetscInt node, PetscReal v)
 {
   PetscInt e = m->around[i];
@@ -49,10 +69,11 @@ static void add_to_row(const SolidMesh *m, PetscInt i, PetscInt node, PetscReal 
 static void find_curvature(const SolidMesh *m, const PetscReal x[])
 {
   const PetscInt dim = m->dim, nd = m->nd, nb = m->nb;
-  PetscReal     *l = m->curvature, *mass = m->curvature + dim * m->nnode;
+  PetscReal     *mass = m->curvature + dim * m->nnode;
 
   for (PetscInt e = 0; e < m->around[m->nnode]; e++) m->laplace[e] = 0;
-  for (PetscInt e = 0; e < (dim + 1) * m->nnode; e++) m->curvature[e] = 0;
+  (void)SolidFindArea(m, x, m->curvature);
+  for (PetscInt i = 0; i < m->nnode; i++) mass[i] = 0;
   for (PetscInt e = 0; e < m->ncell * m->nq; e++) {
     const PetscInt   q = e % m->nq, *node = m->cell_node + e / m->nq * nb;
     const PetscReal *g = m->grad + e * nb * nd, w = m->weight[e];
@@ -63,7 +84,6 @@ static void find_curvature(const SolidMesh *m, const PetscReal x[])
     J = MembraneArea(dim, F, Q, NULL, inverse);
     for (PetscInt i = 0; i < nb; i++) {
       mass[node[i]] += w * J * m->phi[q * nb + i];
-      for (PetscInt a = 0; a < dim * nd; a++) l[dim * node[i] + a / nd] += w * Q[a] * g[nd * i + a % nd];
       for (PetscInt j = 0; j < nb; j++) {
         PetscReal sum = 0;
 

@@ -5,6 +5,7 @@
 
 #define VOLUME_IT  10
 #define VOLUME_TOL 1e-13
+#define ROUND      1e-3 /* rate of an area as it is stretched, over the area: below it is nearly round */
 
 /* The volume that a membrane encloses, normals n [nnode][dim] at its nodes (means of those around them, of length 1; 0
    where it is held) and how much more volume a step along them gives: what nodes have of the surface, since the volume
@@ -67,9 +68,47 @@ static void scale(const SolidMesh *m, PetscReal x[], PetscReal *error)
   for (PetscInt i = 0; i < m->nnode * m->dim; i++) x[i] = centroid[i % m->dim] + factor * (x[i] - centroid[i % m->dim]);
 }
 
-PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal x[], PetscReal *error)
+/* What a membrane is longer along some axes than along others, D (x - centre) at its nodes, D without trace: to first
+   order its volume stays. w [nnode][dim], zero where it is held */
+static void find_stretch(const SolidMesh *m, const PetscBool held[], const PetscReal x[], PetscReal w[])
 {
-  PetscReal *n, volume, rate;
+  const PetscInt dim       = m->dim;
+  PetscReal      centre[3] = {0}, D[9] = {0}, mean = 0, norm = 0;
+
+  for (PetscInt i = 0; i < dim * m->nnode; i++) centre[i % dim] += x[i] / (PetscReal)m->nnode;
+  for (PetscInt i = 0; i < m->nnode; i++)
+    for (PetscInt e = 0; e < dim * dim; e++)
+      D[e] += (x[dim * i + e / dim] - centre[e / dim]) * (x[dim * i + e % dim] - centre[e % dim]);
+  for (PetscInt a = 0; a < dim; a++) mean += D[a * (dim + 1)] / (PetscReal)dim;
+  for (PetscInt a = 0; a < dim; a++) D[a * (dim + 1)] -= mean;
+  for (PetscInt e = 0; e < dim * dim; e++) norm += D[e] * D[e];
+  norm = norm > 0 ? PetscSqrtReal(norm) : 1;
+  for (PetscInt i = 0; i < dim * m->nnode; i++) {
+    w[i] = 0;
+    for (PetscInt b = 0; b < dim && !held[i / dim]; b++)
+      w[i] += D[i % dim * dim + b] / norm * (x[i / dim * dim + b] - centre[b]);
+  }
+}
+
+/* How far nodes are to be stretched on top of a step `along` the normals n for that area; 0: it cannot be had so.
+   work [2][nnode][dim]; w, in it, is the direction */
+static PetscReal stretch_for(const SolidMesh *m, const PetscBool held[], PetscReal area, const PetscReal x[],
+                             const PetscReal n[], PetscReal along, PetscReal work[])
+{
+  PetscReal *w = work, *l = work + m->dim * m->nnode, lack = area - SolidFindArea(m, x, l), rate = 0;
+
+  find_stretch(m, held, x, w);
+  for (PetscInt i = 0; i < m->dim * m->nnode; i++) {
+    lack -= along * l[i] * n[i];
+    rate += l[i] * w[i];
+  }
+  return rate > ROUND * area ? lack / rate : 0;
+}
+
+PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal area, PetscReal x[],
+                               PetscReal *error)
+{
+  PetscReal *n, *work, volume, rate, along, stretch;
 
   PetscFunctionBeginUser;
   *error = 0;
@@ -77,14 +116,16 @@ PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], Petsc
     scale(m, x, error);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(PetscMalloc1(m->dim * m->nnode, &n));
+  PetscCall(PetscCalloc2(m->dim * m->nnode, &n, 2 * m->dim * m->nnode, &work));
   for (PetscInt it = 0; it < VOLUME_IT; it++) {
     PetscCall(PetscArrayzero(n, m->dim * m->nnode));
     find_normals(m, held, x, &volume, n, &rate);
     if (!it) *error = volume / m->volume - 1;
-    if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume) break;
-    for (PetscInt i = 0; i < m->dim * m->nnode; i++) x[i] += (m->volume - volume) / rate * n[i];
+    along   = (m->volume - volume) / rate;
+    stretch = area > 0 ? stretch_for(m, held, area, x, n, along, work) : 0;
+    if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume && PetscAbsReal(stretch) <= VOLUME_TOL) break;
+    for (PetscInt i = 0; i < m->dim * m->nnode; i++) x[i] += along * n[i] + stretch * work[i];
   }
-  PetscCall(PetscFree(n));
+  PetscCall(PetscFree2(n, work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

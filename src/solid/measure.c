@@ -49,6 +49,7 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
       s->stretch_max = PetscMax(s->stretch_max, SolidLargestStretch(dim, m->nd, F));
     }
   }
+  s->strain_energy += m->nd < dim ? 0.5 * material->global * PetscSqr(s->area - m->area) / m->area : 0;
   if (material->bending > 0) s->strain_energy += SolidBend(m, material->bending, x, NULL);
   shift_moments(dim, s);
   if (m->nd == 2 && dim == 2) s->rotation = PetscAtan2Real(mean[dim] - mean[1], mean[0] + mean[dim + 1]);

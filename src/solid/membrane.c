@@ -87,15 +87,6 @@ static void differentiate_energy(PetscInt dim, const Point *p, const PetscReal F
   }
 }
 
-PetscReal MembraneLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
-{
-  Point p;
-
-  evaluate(dim, m, F, &p);
-  differentiate_energy(dim, &p, F, P, C);
-  return PetscSqrtReal(PetscMax(0, 1 + p.I2));
-}
-
 PetscReal MembraneArea(PetscInt dim, const PetscReal F[], PetscReal Q[], PetscReal D[], PetscReal inverse[])
 {
   PetscReal J;
@@ -108,6 +99,27 @@ PetscReal MembraneArea(PetscInt dim, const PetscReal F[], PetscReal Q[], PetscRe
   differentiate_energy(dim, &p, F, Q, D);
   for (PetscInt e = 0; e < p.n * p.n && inverse; e++) inverse[e] = p.adj[e] / (J * J);
   return J;
+}
+
+/* Where it is pressure C would make the matrix indefinite: it is left out */
+static void add_tension(PetscInt dim, PetscReal tension, const PetscReal F[], PetscReal P[], PetscReal C[])
+{
+  const PetscInt all = dim * (dim - 1);
+  PetscReal      Q[6], D[36];
+
+  (void)MembraneArea(dim, F, Q, D, NULL);
+  for (PetscInt e = 0; e < all; e++) P[e] += tension * Q[e];
+  for (PetscInt e = 0; e < all * all && C && tension > 0; e++) C[e] += tension * D[e];
+}
+
+PetscReal MembraneLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
+{
+  Point p;
+
+  evaluate(dim, m, F, &p);
+  differentiate_energy(dim, &p, F, P, C);
+  if (m->tension != 0) add_tension(dim, m->tension, F, P, C);
+  return PetscSqrtReal(PetscMax(0, 1 + p.I2));
 }
 
 PetscReal MembraneLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F[])

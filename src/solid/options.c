@@ -32,6 +32,11 @@ static const OptSpec SPECS[] = {
    .help =
      "bending modulus of a membrane: the energy is half of it times the square of the curvature, the sum of both principal ones",
    .when = MEMBRANE, .also = "bending_modulus, bending_stiffness, bending_rigidity"},
+  {"-particle_<group>_global_area_modulus", OPT_REAL, "force/length; in the plane force", OPT_FROM(0), "0",
+   .help =
+     "what a membrane has against a change of its whole area (in the plane length): the energy is half of it times the square of the change, over the area at the start; large values hold the area",
+   .when = MEMBRANE, .also = "area_constraint, length_constraint, total_area_modulus, inextensible",
+   .find = "keep the area, surface area, global area, perimeter"},
   {"-particle_<group>_clamp", OPT_REALS, "", OPT_ANY, "",
    .help = "expression of the position in space at the start: the solid's nodes where it is above zero are held",
    .when = ELASTIC, .variables = "x, y, z", .also = "anchor, hold, fix", .find = "clamped, anchored"},

@@ -67,6 +67,7 @@ static PetscErrorCode read_membrane(SolidGroup *g)
   g->material.area = law ? g->material.mu : 0;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_area_modulus", name), &g->material.area));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_bending", name), &g->material.bending));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_global_area_modulus", name), &g->material.global));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_viscosity", name), &g->inner_viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -210,7 +211,7 @@ static PetscErrorCode number_solids(Solids b)
     }
   s->nnode = b->first[s->n];
   n        = s->nnode * s->dim;
-  PetscCall(PetscCalloc5(n, &s->X, n, &s->x, n, &s->x_old, n, &s->u, n, &s->u_old));
+  PetscCall(PetscCalloc6(n, &s->X, n, &s->x, n, &s->x_old, n, &s->u, n, &s->u_old, s->n, &s->tension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -346,7 +347,7 @@ PetscErrorCode SolidsDestroy(Solids *solids)
   }
   PetscCall(PetscFree(b->group));
   PetscCall(PetscFree2(b->group_of, b->first));
-  PetscCall(PetscFree5(b->s.X, b->s.x, b->s.x_old, b->s.u, b->s.u_old));
+  PetscCall(PetscFree6(b->s.X, b->s.x, b->s.x_old, b->s.u, b->s.u_old, b->s.tension));
   PetscCall(PetscFree(*solids));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -363,6 +364,15 @@ PetscBool SolidsHaveInnerFluid(Solids b)
   for (PetscInt g = 0; g < b->s.ngroups; g++)
     if (b->group[g].inner_viscosity > 0) return PETSC_TRUE;
   return PETSC_FALSE;
+}
+
+PetscInt SolidsCountGlobalAreas(Solids b)
+{
+  PetscInt n = 0;
+
+  for (PetscInt g = 0; g < b->s.ngroups; g++)
+    if (b->group[g].material.global > 0) n += b->group[g].count;
+  return n;
 }
 
 PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
@@ -395,7 +405,7 @@ void SolidsMeasure(Solids b, PetscInt k, SolidSums *sums)
   SolidMeasure(&g->mesh, &g->material, b->s.x + b->s.dim * b->first[k], sums);
 }
 
-PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const PetscReal u[])
+PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const PetscReal u[], const PetscReal tension[])
 {
   SolidsState   *s = &b->s;
   const PetscInt n = s->nnode * s->dim;
@@ -405,6 +415,7 @@ PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const P
   PetscCall(PetscArraycpy(s->u_old, s->u, n));
   PetscCall(PetscArraycpy(s->x, x, n));
   PetscCall(PetscArraycpy(s->u, u, n));
+  if (tension) PetscCall(PetscArraycpy(s->tension, tension, s->n));
   s->time_dt = dt;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -413,6 +424,7 @@ PetscErrorCode SolidsVisitState(void *solids, State state)
 {
   SolidsState   *s = &((Solids)solids)->s;
   const PetscInt n = s->nnode * s->dim;
+  PetscBool      has;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "dt", 1, &s->time_dt));
@@ -420,5 +432,7 @@ PetscErrorCode SolidsVisitState(void *solids, State state)
   PetscCall(StateReals(state, "position_old", n, s->x_old));
   PetscCall(StateReals(state, "velocity", n, s->u));
   PetscCall(StateReals(state, "velocity_old", n, s->u_old));
+  PetscCall(StateHas(state, "tension", &has));
+  if (has && SolidsCountGlobalAreas(solids)) PetscCall(StateReals(state, "tension", s->n, s->tension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

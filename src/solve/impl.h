@@ -2,7 +2,7 @@
    their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how
    far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
    preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
-   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for
+   bodies. integrals.c: mean velocities and others held by forces. conserve.c: the balance of momentum. nonlinear.c: for
    solvers of nonlinear problems. On a device: ondevice.c, devicestep.c, devicebodies.c, devicesums.c,
    deviceimpulse.c. */
 #pragma once
@@ -138,11 +138,16 @@ typedef struct {
   PetscReal factor[3]; /* of the linear pressure that took that sum */
 } ResidualCarry;
 
-/* Mean velocities held by uniform forces: flowrate.c */
+/* Integrals of the velocity that are held by forces: integrals.c */
 typedef struct {
-  FlowRateConstraint *constraint; /* or NULL */
-  Vec                 s[3], z[3], r[3];
-} FlowRateRows;
+  FlowIntegral *is;
+  Vec           s, z, r;
+  PetscBool     solved; /* for z, once */
+} IntegralRow;
+typedef struct {
+  PetscInt     n;
+  IntegralRow *row;
+} IntegralRows;
 
 /* A factorisation of the whole matrix that serves several steps: system.c */
 typedef struct {
@@ -204,7 +209,7 @@ struct _p_FlowSolver {
   SystemBodies     body;
   Stopping         stop;
   ResidualCarry    carry;
-  FlowRateRows     rate;
+  IntegralRows     integrals;
   KeptFactor       kept;
 
   SystemOnDevice        device;
@@ -374,11 +379,11 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 /* Remark an outer iteration that takes the preconditioner for fixed. Collective. */
 PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
-/* After the solve for fs->vec.x, which u, p, U are: add the forces of fs->rate.constraint and what they do. Adds to
+/* After the solve for fs->vec.x, which u, p, U are: add the forces of fs->integrals and what they do. Adds to
    *its; *reason < 0: a solve for that failed. Collective. */
-PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
-                                           KSPConvergedReason *reason);
-PetscErrorCode FlowSolverDestroyFlowRate(FlowSolver);
+PetscErrorCode FlowSolverHoldIntegrals(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                                       KSPConvergedReason *reason);
+PetscErrorCode FlowSolverDestroyIntegrals(FlowSolver);
 /* Add a linear pressure to a solution x of fs->vec.b, so that its residual holds no momentum along axes that have ends,
    unless that residual is large; fs->vec.r is undefined then. Collective. */
 PetscErrorCode FlowSolverConserve(FlowSolver, Vec x);

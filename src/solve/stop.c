@@ -217,7 +217,7 @@ static PetscBool is_coupled(FlowSolver fs)
    in the first steps, nor with ties or bodies lighter than the fluid (runs/studies/flow-solver, "One iteration"). */
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
-  return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on &&
+  return (PetscBool)(fs->stop.is_time_step && !fs->integrals.n && fs->carry.on &&
                      !ContactCouplingAny(fs->body.contact_coupling) && norm <= fs->stop.once_max * fs->stop.rhs &&
                      norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
 }
@@ -295,7 +295,7 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, fs->comm));
     if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
   }
-  if ((fs->stop.velocity_tol == 0 && !coupled) || !fs->stop.is_time_step || fs->rate.constraint)
+  if ((fs->stop.velocity_tol == 0 && !coupled) || !fs->stop.is_time_step || fs->integrals.n)
     PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
     PetscCall(start_iterates(fs));

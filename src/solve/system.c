@@ -297,7 +297,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(SolidBlockDestroy(&fs->solid));
   PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(FlowSolverDestroyOnDevice(fs));
-  PetscCall(FlowSolverDestroyFlowRate(fs));
+  PetscCall(FlowSolverDestroyIntegrals(fs));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(KSPDestroy(&fs->sub[i]));
     PetscCall(VecDestroy(&fs->vec.from[i]));
@@ -517,10 +517,10 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(VecAXPY(fs->vec.x, 1, fs->vec.y));
   }
   fs->carry.solved = PETSC_FALSE;
-  if (fs->nbodies && !fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->vec.x));
+  if (fs->nbodies && !fs->integrals.n && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->vec.x));
   if (there) PetscCall(FlowSolverUnpackOnDevice(fs, U));
   else PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
-  if (fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverAddFlowRateForces(fs, u, p, U, its, reason));
+  if (fs->integrals.n && *reason >= 0) PetscCall(FlowSolverHoldIntegrals(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -146,7 +146,7 @@ static void test_force(void **state)
       }
       NEAR(force, (energy[0] - energy[1]) / (2 * h), 1e-6);
     }
-    OK(SolidKeepVolume(m, s->group[0].clamped, s->x, &error));
+    OK(SolidKeepVolume(m, s->group[0].clamped, 0, s->x, &error));
     SolidsMeasure(b, 0, &sums);
     NEAR(sums.volume, m->volume, 1e-12);
     for (PetscInt e = 0; e < dim * s->nnode; e++) s->u[e] = e % dim + 1;
@@ -197,11 +197,71 @@ static void test_bending(void **state)
   }
 }
 
+/* The area as a whole: its derivative; with a tension the force on a node has that of it, and its tangent; an ellipse,
+   and an ellipsoid, gets a volume and an area together, a sphere, which has none of less, its volume alone */
+static void test_area(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    const PetscReal h = 1e-5;
+    SolidsState    *s;
+    Solids b = open_membrane(dim, "-particle_skin_shape ellipse -particle_skin_a 0.8 -particle_skin_b 0.5", 0.4, &s);
+    const SolidMesh *m   = &s->group[0].mesh;
+    SolidMaterial    law = s->group[0].material;
+    PetscReal        x[SOLID_MAX_N], f[SOLID_MAX_N], without[SOLID_MAX_N], up[SOLID_MAX_N], down[SOLID_MAX_N];
+    PetscReal        K[SOLID_MAX_N * SOLID_MAX_N], *l, *all, *work, area[2], error;
+    SolidSums        sums;
+
+    OK(PetscCalloc3(dim * s->nnode, &l, dim * s->nnode, &all, dim * s->nnode, &work));
+    for (PetscInt e = 0; e < dim * s->nnode; e++) s->x[e] += 0.02 * noise(e);
+    SolidsMeasure(b, 0, &sums);
+    NEAR(SolidFindArea(m, s->x, l), sums.area, 1e-13);
+    for (PetscInt e = 0; e < dim * s->nnode; e += 5) {
+      for (PetscInt side = 0; side < 2; side++) {
+        s->x[e] += side ? -2 * h : h;
+        area[side] = SolidFindArea(m, s->x, work);
+      }
+      s->x[e] += h;
+      NEAR(l[e], (area[0] - area[1]) / (2 * h), 1e-8);
+    }
+    for (PetscInt c = 0; c < m->ncell; c++) {
+      SolidGather(m, c, s->x, x);
+      law.tension = 0;
+      (void)SolidCellForce(m, &law, c, x, without, NULL);
+      law.tension = 0.7;
+      (void)SolidCellForce(m, &law, c, x, f, K);
+      for (PetscInt j = 0; j < m->nb * dim; j++)
+        all[dim * m->cell_node[c * m->nb + j / dim] + j % dim] += (f[j] - without[j]) / 0.7;
+    }
+    for (PetscInt e = 0; e < dim * s->nnode; e++) NEAR(all[e], l[e], 1e-12);
+    for (PetscInt e = 0; e < m->nb * dim; e++) {
+      x[e] += h;
+      (void)SolidCellForce(m, &law, m->ncell - 1, x, up, NULL);
+      x[e] -= 2 * h;
+      (void)SolidCellForce(m, &law, m->ncell - 1, x, down, NULL);
+      x[e] += h;
+      for (PetscInt i = 0; i < m->nb * dim; i++) NEAR(K[i * m->nb * dim + e], (up[i] - down[i]) / (2 * h), 1e-6);
+    }
+    OK(SolidKeepVolume(m, s->group[0].clamped, 1.02 * m->area, s->x, &error));
+    SolidsMeasure(b, 0, &sums);
+    NEAR(sums.volume, m->volume, 1e-12);
+    NEAR(sums.area, 1.02 * m->area, 1e-12);
+    OK(PetscFree3(l, all, work));
+    OK(SolidsDestroy(&b));
+    b = open_membrane(dim, "-particle_skin_shape circle -particle_skin_radius 0.7", 0.3, &s);
+    for (PetscInt e = 0; e < dim * s->nnode; e++) s->x[e] *= 1.001;
+    OK(SolidKeepVolume(&s->group[0].mesh, s->group[0].clamped, s->group[0].mesh.area, s->x, &error));
+    SolidsMeasure(b, 0, &sums);
+    NEAR(sums.volume, s->group[0].mesh.volume, 1e-12);
+    OK(SolidsDestroy(&b));
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_tangent), cmocka_unit_test(test_textbook),
                                      cmocka_unit_test(test_surface), cmocka_unit_test(test_force),
-                                     cmocka_unit_test(test_bending)};
+                                     cmocka_unit_test(test_bending), cmocka_unit_test(test_area)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
