@@ -131,30 +131,43 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* sum [1 + dim][nb] += pen 1 and pen x: the symmetric matrix by columns, all rows together in registers */
+static void sum_columns(PetscInt nb, PetscInt dim, const PetscReal *restrict pen, const PetscReal x[],
+                        PetscReal sum[4][MESH_MAX_NB])
+{
+  for (PetscInt j = 0; j < nb; j++) {
+    const PetscReal *column = pen + j * nb;
+
+    for (PetscInt i = 0; i < nb; i++) sum[0][i] += column[i];
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt i = 0; i < nb; i++) sum[1 + a][i] += column[i] * x[j * dim + a];
+  }
+}
+
 /* Entries of the own nodes of a part with cell matrix pen; lumped with its diagonal scaled to the right sum (Hinton,
    Rock, Zienkiewicz 1976), which is always positive */
 static PetscErrorCode add_entries(Penalty p, const CutCell *cut, const PetscReal pen[], PetscReal scale)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cut->cell * nb;
-  PetscReal        xc[MESH_MAX_NB * 3];
+  PetscReal        xc[MESH_MAX_NB * 3], sum[4][MESH_MAX_NB];
+  PetscInt         entry[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   PetscCall(MeshSlotCoordinates(p->mesh, cut->cell, xc));
   for (PetscInt j = 0; j < nb * dim; j++) xc[j] -= cut->P[j % dim];
   for (PetscInt i = 0; i < nb; i++) {
-    PetscInt   e = -1;
-    PetscReal *g;
-
+    entry[i] = -1;
     if (node[i] >= l->nnode || p->strong[node[i]] == cut->body) continue;
-    PetscCall(find_entry(p, node[i], cut->body, &e));
-    g = p->penalty_term.g + e * (dim + 1);
-    for (PetscInt j = 0; j < nb; j++) {
-      g[0] += pen[i * nb + j];
-      for (PetscInt a = 0; a < dim; a++) g[1 + a] += pen[i * nb + j] * xc[j * dim + a];
-    }
-    p->entry_weight[e] += pen[i * (nb + 1)] * scale;
+    PetscCall(find_entry(p, node[i], cut->body, &entry[i]));
+    p->entry_weight[entry[i]] += pen[i * (nb + 1)] * scale;
   }
+  for (PetscInt a = 0; a <= dim; a++)
+    for (PetscInt i = 0; i < nb; i++) sum[a][i] = entry[i] < 0 ? 0 : p->penalty_term.g[entry[i] * (dim + 1) + a];
+  sum_columns(nb, dim, pen, xc, sum);
+  for (PetscInt a = 0; a <= dim; a++)
+    for (PetscInt i = 0; i < nb; i++)
+      if (entry[i] >= 0) p->penalty_term.g[entry[i] * (dim + 1) + a] = sum[a][i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -357,11 +357,19 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
 
 /* ---- where fields stay on a device ---- */
 
-/* What is read and what is written of them */
+/* What is read and what is written of them, each once */
 typedef struct {
   PetscInt nread, *read, nwritten, *written; /* cells, of pressures; written: of p and dp */
   PetscInt nbefore, *before, nnode, *node;   /* nodes, of velocities */
+  char    *listed[4];                        /* those that a list has */
 } Lists;
+
+static void list_once(PetscInt i, char listed[], PetscInt *n, PetscInt list[])
+{
+  if (listed[i]) return;
+  listed[i]    = 1;
+  list[(*n)++] = i;
+}
 
 /* Cells that were inside, and those around them */
 static void list_opened(const Start *s, Lists *w)
@@ -369,42 +377,37 @@ static void list_opened(const Start *s, Lists *w)
   const MeshLocal *l = s->l;
 
   for (PetscInt i = 0; i < s->nlist; i++) {
-    w->written[w->nwritten++] = s->list[i];
+    list_once(s->list[i], w->listed[1], &w->nwritten, w->written);
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt n = l->cell_node[s->list[i] * l->nb + j];
 
-      for (PetscInt m = l->node_cell_ptr[n]; m < l->node_cell_ptr[n + 1]; m++) w->read[w->nread++] = l->node_cell[m];
+      for (PetscInt m = l->node_cell_ptr[n]; m < l->node_cell_ptr[n + 1]; m++)
+        list_once(l->node_cell[m], w->listed[0], &w->nread, w->read);
     }
   }
 }
 
 static PetscErrorCode make_lists(const Start *s, Lists *w)
 {
-  const MeshLocal *l      = s->l;
-  PetscInt         around = 0;
+  const MeshLocal *l = s->l;
+  const PetscInt   n = l->ncell_all, m = l->nnode_all;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->nlist * l->nb; i++) {
-    const PetscInt n = l->cell_node[s->list[i / l->nb] * l->nb + i % l->nb];
-
-    around += l->node_cell_ptr[n + 1] - l->node_cell_ptr[n];
-  }
-  PetscCall(PetscMalloc4(around + 2 * s->nrider, &w->read, s->nlist + s->nrider, &w->written, s->npassenger * l->nb,
-                         &w->before, s->npassenger, &w->node));
+  PetscCall(PetscMalloc4(n, &w->read, n, &w->written, m, &w->before, m, &w->node));
+  PetscCall(PetscCalloc4(n, &w->listed[0], n, &w->listed[1], m, &w->listed[2], m, &w->listed[3]));
   list_opened(s, w);
   for (PetscInt i = 0; i < s->nrider; i++) {
-    w->written[w->nwritten++] = s->rider[i].cell;
-    w->read[w->nread++]       = s->rider[i].cell;
-    w->read[w->nread++]       = s->rider[i].from;
+    list_once(s->rider[i].cell, w->listed[1], &w->nwritten, w->written);
+    list_once(s->rider[i].cell, w->listed[0], &w->nread, w->read);
+    list_once(s->rider[i].from, w->listed[0], &w->nread, w->read);
   }
   for (PetscInt i = 0; i < s->npassenger; i++) {
-    w->node[w->nnode++] = s->passenger[i].node;
-    for (PetscInt j = 0; j < l->nb; j++) w->before[w->nbefore++] = l->cell_node[s->passenger[i].from * l->nb + j];
+    const PetscInt *before = l->cell_node + s->passenger[i].from * l->nb;
+
+    list_once(s->passenger[i].node, w->listed[3], &w->nnode, w->node);
+    for (PetscInt j = 0; j < l->nb; j++) list_once(before[j], w->listed[2], &w->nbefore, w->before);
   }
-  PetscCall(PetscSortRemoveDupsInt(&w->nread, w->read));
-  PetscCall(PetscSortRemoveDupsInt(&w->nwritten, w->written));
-  PetscCall(PetscSortRemoveDupsInt(&w->nbefore, w->before));
-  PetscCall(PetscSortRemoveDupsInt(&w->nnode, w->node));
+  PetscCall(PetscFree4(w->listed[0], w->listed[1], w->listed[2], w->listed[3]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
