@@ -8,8 +8,6 @@
 
 #define SOLID_MAX_N      81 /* unknowns of a cell */
 #define SOLID_MAX_AROUND 64 /* nodes of the cells around one of a membrane */
-/* Unknowns of the cells around a vertex of an even mesh, with room for some more: entries of a row */
-#define SOLID_ROW(dim) ((dim) == 2 ? 25 * 2 : 130 * 3)
 
 /* What a cell is at its positions x [nb][dim]: f [nb][dim] = int P : grad phi, K its derivative (NULL: not wanted).
    Returns the smallest J of its quadrature points. */

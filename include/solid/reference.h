@@ -24,7 +24,7 @@ typedef struct {
   PetscReal *weight;    /* [ncell][nq] */
   PetscReal  volume;    /* sum of the weights; of a membrane what it encloses, */
   PetscReal  area;      /* and the sum of the weights */
-  PetscInt  *around, *neighbour;  /* of a membrane's node i, those of the cells around it: around[i] to around[i + 1] */
+  PetscInt  *around, *neighbour;  /* of node i, those of the cells around it, itself too: around[i] to around[i + 1] */
   PetscReal *laplace, *curvature; /* what bending has of a membrane: a value for each neighbour, [nnode][dim + 1] */
   PetscReal  h;                   /* longest side of the box mesh's cells; of a membrane of its own */
   PetscReal  radius;              /* largest |X| */

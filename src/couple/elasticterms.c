@@ -5,6 +5,7 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
+#include "base/project.h"
 #include "bodies/local.h"
 #include "fem/element.h"
 
@@ -86,15 +87,64 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
   for (PetscInt i = 0; i < n * n; i++) A[i] += g->viscosity * V[i];
 }
 
+/* Numbers n of nodes that the row of node i of a solid has entries at, those from `start` to `end` of it and others:
+   what cells tie, or bending, which ties what is around a node. seen [nnode]: at first -1 */
+static void count_row(const SolidGroup *g, PetscInt i, PetscInt start, PetscInt end, PetscInt seen[], PetscInt n[2])
+{
+  const SolidMesh *m = &g->mesh;
+
+  n[0] = n[1] = 0;
+  for (PetscInt j = m->around[i]; j < m->around[i + 1]; j++) {
+    const PetscInt  at   = m->neighbour[j];
+    const PetscBool far  = (PetscBool)(g->material.bending > 0);
+    const PetscInt *node = far ? m->neighbour + m->around[at] : &at,
+                   count = far ? m->around[at + 1] - m->around[at] : 1;
+
+    for (PetscInt e = 0; e < count; e++) {
+      if (seen[node[e]] == i) continue;
+      seen[node[e]] = i;
+      n[node[e] < start || node[e] >= end]++;
+    }
+  }
+}
+
+/* Entries of the rows of nodes from `start` to `end`, of columns among these and of others */
+static PetscErrorCode count_entries(const Elastic *e, PetscInt start, PetscInt end, PetscInt own[], PetscInt others[])
+{
+  const SolidsState *s   = e->s;
+  const PetscInt     dim = s->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
+    PetscInt         *seen, n[2], first = s->first[k];
+
+    PetscCall(PetscMalloc1(g->mesh.nnode, &seen));
+    for (PetscInt i = 0; i < g->mesh.nnode; i++) seen[i] = -1;
+    for (PetscInt i = PetscMax(start, first); i < PetscMin(end, s->first[k + 1]); i++) {
+      count_row(g, i - first, start - first, end - first, seen, n);
+      for (PetscInt a = 0; a < dim; a++) {
+        own[(i - start) * dim + a]    = n[0] * dim;
+        others[(i - start) * dim + a] = n[1] * dim;
+      }
+    }
+    PetscCall(PetscFree(seen));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
 {
   const PetscInt dim = e->s->dim;
-  PetscInt       n = PETSC_DECIDE, all = e->s->nnode;
+  PetscInt       n = PETSC_DECIDE, all = e->s->nnode, end, *own, *others;
 
   PetscFunctionBeginUser;
   PetscCall(PetscSplitOwnership(comm, &n, &all));
-  PetscCall(MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, SOLID_ROW(dim), NULL, SOLID_ROW(dim),
-                         NULL, &e->K));
+  PetscCallMPI(MPI_Scan(&n, &end, 1, MPIU_INT, MPI_SUM, comm));
+  PetscCall(PetscMalloc2(dim * n, &own, dim * n, &others));
+  PetscCall(count_entries(e, end - n, end, own, others));
+  PetscCall(MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 0, own, 0, others, &e->K));
+  PetscCall(PetscFree2(own, others));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -374,7 +424,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscFunctionBeginUser;
   PetscCall(assemble_solids(e, c));
   PetscCall(MatDestroy(&e->E));
-  PetscCall(MatPtAP(e->K, e->P, MAT_INITIAL_MATRIX, 2, &e->E));
+  PetscCall(MatrixProject(e->K, e->P, &e->E));
   PetscCall(
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));

@@ -13,6 +13,7 @@ struct _p_PointCells {
   PetscInt         dim, nb, ncell;
   PetscReal        period[3], origin[3];
   PetscReal        beyond;
+  PetscReal       *box;               /* [ncell][2][3] what a cell answers for lies in: its middle, half its widths */
   PetscInt         n[3], *ptr, *cell; /* bins along each axis, cells of bin b: ptr[b] to ptr[b + 1] */
   PetscReal        lower[3], size[3];
 };
@@ -27,9 +28,9 @@ static PetscErrorCode get_coordinates(PointCells p, PetscInt c, PetscReal xc[])
 }
 
 /* The box of cell c, larger by what it answers for */
-static PetscErrorCode get_box(PointCells p, PetscInt c, PetscReal low[3], PetscReal high[3])
+static PetscErrorCode find_box(PointCells p, PetscInt c)
 {
-  PetscReal x[MESH_MAX_NB * 3];
+  PetscReal x[MESH_MAX_NB * 3], low[3], high[3];
 
   PetscFunctionBeginUser;
   PetscCall(get_coordinates(p, c, x));
@@ -39,10 +40,8 @@ static PetscErrorCode get_box(PointCells p, PetscInt c, PetscReal low[3], PetscR
       low[a]  = PetscMin(low[a], x[p->dim * j + a]);
       high[a] = PetscMax(high[a], x[p->dim * j + a]);
     }
-    const PetscReal more = (0.5 * p->beyond + 0.05) * (high[a] - low[a]); /* bent edges bulge between nodes */
-
-    low[a] -= more;
-    high[a] += more;
+    p->box[6 * c + a]     = 0.5 * (low[a] + high[a]);
+    p->box[6 * c + 3 + a] = (0.5 * p->beyond + 0.55) * (high[a] - low[a]); /* bent edges bulge between nodes */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -57,16 +56,14 @@ static PetscInt bin_of(const struct _p_PointCells *p, PetscInt a, PetscReal x)
 }
 
 /* Counts (fill false) or enters cell c in the bins of its box */
-static PetscErrorCode enter(PointCells p, PetscInt c, PetscBool fill, PetscInt count[])
+static void enter(PointCells p, PetscInt c, PetscBool fill, PetscInt count[])
 {
-  PetscReal low[3] = {0}, high[3] = {0};
-  PetscInt  first[3] = {0}, last[3] = {0};
+  const PetscReal *mid = p->box + 6 * c, *half = mid + 3;
+  PetscInt         first[3] = {0}, last[3] = {0};
 
-  PetscFunctionBeginUser;
-  PetscCall(get_box(p, c, low, high));
   for (PetscInt a = 0; a < p->dim; a++) {
-    first[a] = (PetscInt)PetscFloorReal((low[a] - p->lower[a]) / p->size[a]);
-    last[a]  = PetscMin(first[a] + p->n[a] - 1, (PetscInt)PetscFloorReal((high[a] - p->lower[a]) / p->size[a]));
+    first[a] = (PetscInt)PetscFloorReal((mid[a] - half[a] - p->lower[a]) / p->size[a]);
+    last[a] = PetscMin(first[a] + p->n[a] - 1, (PetscInt)PetscFloorReal((mid[a] + half[a] - p->lower[a]) / p->size[a]));
   }
   for (PetscInt k = first[2]; k <= last[2]; k++)
     for (PetscInt j = first[1]; j <= last[1]; j++)
@@ -83,7 +80,6 @@ static PetscErrorCode enter(PointCells p, PetscInt c, PetscBool fill, PetscInt c
         if (fill) p->cell[p->ptr[bin] + count[bin]] = c;
         count[bin]++;
       }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode fill_bins(PointCells p, PetscInt nbins, const PetscBool wanted[])
@@ -94,13 +90,13 @@ static PetscErrorCode fill_bins(PointCells p, PetscInt nbins, const PetscBool wa
   PetscCall(PetscCalloc1(nbins, &count));
   PetscCall(PetscMalloc1(nbins + 1, &p->ptr));
   for (PetscInt c = 0; c < p->ncell; c++)
-    if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_FALSE, count));
+    if (!wanted || wanted[c]) enter(p, c, PETSC_FALSE, count);
   p->ptr[0] = 0;
   for (PetscInt b = 0; b < nbins; b++) p->ptr[b + 1] = p->ptr[b] + count[b];
   PetscCall(PetscMalloc1(p->ptr[nbins], &p->cell));
   PetscCall(PetscArrayzero(count, nbins));
   for (PetscInt c = 0; c < p->ncell; c++)
-    if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_TRUE, count));
+    if (!wanted || wanted[c]) enter(p, c, PETSC_TRUE, count);
   PetscCall(PetscFree(count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -113,15 +109,16 @@ static PetscErrorCode make_bins(PointCells p, const PetscBool wanted[])
   PetscInt n = 0, nbins = 1;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(6 * p->ncell, &p->box));
   for (PetscInt c = 0; c < p->ncell; c++) {
-    PetscReal a[3], b[3];
+    const PetscReal *mid = p->box + 6 * c, *half = mid + 3;
 
     if (wanted && !wanted[c]) continue;
-    PetscCall(get_box(p, c, a, b));
+    PetscCall(find_box(p, c));
     n++;
     for (PetscInt d = 0; d < p->dim; d++) {
-      low[d]  = PetscMin(low[d], a[d]);
-      high[d] = PetscMax(high[d], b[d]);
+      low[d]  = PetscMin(low[d], mid[d] - half[d]);
+      high[d] = PetscMax(high[d], mid[d] + half[d]);
     }
   }
   for (PetscInt d = 0; d < p->dim; d++) {
@@ -179,31 +176,59 @@ PetscErrorCode PointCellsDestroy(PointCells *cells)
 {
   PetscFunctionBeginUser;
   if (!*cells) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*cells)->box));
   PetscCall(PetscFree((*cells)->ptr));
   PetscCall(PetscFree((*cells)->cell));
   PetscCall(PetscFree(*cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* How far x is from the middle of cell c's box, where it ends at 1 */
+static PetscReal distance(const struct _p_PointCells *p, PetscInt c, const PetscReal x[])
+{
+  const PetscReal *mid = p->box + 6 * c, *half = mid + 3;
+  PetscReal        far = 0;
+
+  for (PetscInt a = 0; a < p->dim; a++)
+    far = PetscMax(far, PetscAbsReal(DomainNearest(p->period[a], x[a], mid[a]) - mid[a]) / half[a]);
+  return far;
+}
+
+/* Is x deeper in cell c than *far? */
+static PetscErrorCode try_cell(PointCells p, PetscInt c, const PetscReal x[], PetscInt *cell, PetscReal xi[],
+                               PetscReal *far)
+{
+  PetscReal xc[MESH_MAX_NB * 3], at[3], y[3], size = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_coordinates(p, c, xc));
+  for (PetscInt a = 0; a < p->dim; a++) at[a] = DomainNearest(p->period[a], x[a], xc[p->nb / 2 * p->dim + a]);
+  if (!ElementLocate(p->dim, xc, at, y)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < p->dim; a++) size = PetscMax(size, PetscAbsReal(y[a]));
+  if (size >= *far || size > 1 + INSIDE + p->beyond) PetscFunctionReturn(PETSC_SUCCESS);
+  *far  = size;
+  *cell = c;
+  for (PetscInt a = 0; a < p->dim; a++) xi[a] = y[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PointCellsFind(PointCells p, const PetscReal x[], PetscInt *cell, PetscReal xi[], PetscReal *far)
 {
-  PetscInt bin = 0;
+  PetscReal smallest = 1;
+  PetscInt  bin = 0, nearest = -1;
 
   PetscFunctionBeginUser;
   *cell = -1;
   *far  = PETSC_MAX_REAL;
   for (PetscInt a = p->dim - 1; a >= 0; a--) bin = bin * p->n[a] + bin_of(p, a, x[a]);
-  for (PetscInt e = p->ptr[bin]; e < p->ptr[bin + 1] && *far > 1 + INSIDE; e++) {
-    PetscReal xc[MESH_MAX_NB * 3], at[3], y[3], size = 0;
+  for (PetscInt e = p->ptr[bin]; e < p->ptr[bin + 1]; e++) {
+    const PetscReal d = distance(p, p->cell[e], x);
 
-    PetscCall(get_coordinates(p, p->cell[e], xc));
-    for (PetscInt a = 0; a < p->dim; a++) at[a] = DomainNearest(p->period[a], x[a], xc[p->nb / 2 * p->dim + a]);
-    if (!ElementLocate(p->dim, xc, at, y)) continue;
-    for (PetscInt a = 0; a < p->dim; a++) size = PetscMax(size, PetscAbsReal(y[a]));
-    if (size >= *far || size > 1 + INSIDE + p->beyond) continue;
-    *far  = size;
-    *cell = p->cell[e];
-    for (PetscInt a = 0; a < p->dim; a++) xi[a] = y[a];
+    if (d <= smallest) nearest = p->cell[e];
+    smallest = PetscMin(smallest, d);
   }
+  if (nearest >= 0) PetscCall(try_cell(p, nearest, x, cell, xi, far));
+  for (PetscInt e = p->ptr[bin]; e < p->ptr[bin + 1] && *far > 1 + INSIDE; e++)
+    if (p->cell[e] != nearest && distance(p, p->cell[e], x) <= 1) PetscCall(try_cell(p, p->cell[e], x, cell, xi, far));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,11 +32,14 @@ static Scheme get_scheme(PetscReal dt, PetscReal dt_old)
 static PetscErrorCode create_newton(const SolidMesh *m, SolidNewton *w)
 {
   const PetscInt n = m->nnode * m->dim;
+  PetscInt      *entries;
   PC             pc;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, SOLID_ROW(m->dim), NULL, &w->J));
-  PetscCall(MatSetOption(w->J, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(PetscMalloc1(n, &entries));
+  for (PetscInt i = 0; i < n; i++) entries[i] = (m->around[i / m->dim + 1] - m->around[i / m->dim]) * m->dim;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 0, entries, &w->J));
+  PetscCall(PetscFree(entries));
   PetscCall(MatCreateVecs(w->J, &w->d, &w->r));
   PetscCall(KSPCreate(PETSC_COMM_SELF, &w->ksp));
   PetscCall(KSPSetType(w->ksp, KSPPREONLY));

@@ -9,31 +9,11 @@
 
 PetscErrorCode BendingCreate(SolidMesh *m)
 {
-  PetscInt *count, *cells, total = 0;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(m->nnode + 1, &count, m->ncell * m->nb, &cells));
-  for (PetscInt e = 0; e < m->ncell * m->nb; e++) count[m->cell_node[e] + 1]++;
-  for (PetscInt i = 0; i < m->nnode; i++) count[i + 1] += count[i];
-  for (PetscInt e = 0; e < m->ncell * m->nb; e++) cells[count[m->cell_node[e]]++] = e / m->nb;
-  PetscCall(PetscMalloc1(m->nnode + 1, &m->around));
-  PetscCall(PetscMalloc3(m->ncell * m->nb * m->nb, &m->neighbour, m->ncell * m->nb * m->nb, &m->laplace,
-                         (m->dim + 1) * m->nnode, &m->curvature));
-  m->around[0] = 0;
-  for (PetscInt i = 0; i < m->nnode; i++) { /* count[i] is now where the cells around i end */
-    for (PetscInt k = i ? count[i - 1] : 0; k < count[i]; k++)
-      for (PetscInt j = 0; j < m->nb; j++) {
-        const PetscInt node = m->cell_node[cells[k] * m->nb + j];
-        PetscInt       e    = m->around[i];
-
-        while (e < total && m->neighbour[e] != node) e++;
-        if (e == total) m->neighbour[total++] = node;
-      }
-    m->around[i + 1] = total;
-    PetscCheck(total - m->around[i] <= SOLID_MAX_AROUND, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+  PetscCall(PetscMalloc2(m->around[m->nnode], &m->laplace, (m->dim + 1) * m->nnode, &m->curvature));
+  for (PetscInt i = 0; i < m->nnode; i++)
+    PetscCheck(m->around[i + 1] - m->around[i] <= SOLID_MAX_AROUND, PETSC_COMM_SELF, PETSC_ERR_PLIB,
                "A node has too many neighbours");
-  }
-  PetscCall(PetscFree2(count, cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -21,3 +21,5 @@ PetscErrorCode FigureFindBox(const Figure *, PetscInt dim, PetscReal lower[], Pe
 PetscErrorCode SolidMeshAllocate(PetscInt dim, PetscInt nd, PetscInt nnode, PetscInt ncell, SolidMesh *);
 /* Its radius by its nodes. */
 void SolidMeshFindRadius(SolidMesh *);
+/* around, neighbour of its cells */
+PetscErrorCode SolidMeshFindNeighbours(SolidMesh *);

@@ -118,6 +118,7 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
   for (PetscInt c = 0; c < ncell; c++) measure_cell(m, c, &min);
   PetscCheck(ncell > 0 && min > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "A cell of a solid's mesh is inverted");
   SolidMeshFindRadius(m);
+  PetscCall(SolidMeshFindNeighbours(m));
   PetscCall(find_sides(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -243,14 +244,40 @@ void SolidMeshFindRadius(SolidMesh *m)
   }
 }
 
+PetscErrorCode SolidMeshFindNeighbours(SolidMesh *m)
+{
+  PetscInt *count, *cells, total = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(m->nnode + 1, &count, m->ncell * m->nb, &cells));
+  for (PetscInt e = 0; e < m->ncell * m->nb; e++) count[m->cell_node[e] + 1]++;
+  for (PetscInt i = 0; i < m->nnode; i++) count[i + 1] += count[i];
+  for (PetscInt e = 0; e < m->ncell * m->nb; e++) cells[count[m->cell_node[e]]++] = e / m->nb;
+  PetscCall(PetscMalloc2(m->nnode + 1, &m->around, m->ncell * m->nb * m->nb, &m->neighbour));
+  m->around[0] = 0;
+  for (PetscInt i = 0; i < m->nnode; i++) { /* count[i] is now where the cells around i end */
+    for (PetscInt k = i ? count[i - 1] : 0; k < count[i]; k++)
+      for (PetscInt j = 0; j < m->nb; j++) {
+        const PetscInt node = m->cell_node[cells[k] * m->nb + j];
+        PetscInt       e    = m->around[i];
+
+        while (e < total && m->neighbour[e] != node) e++;
+        if (e == total) m->neighbour[total++] = node;
+      }
+    m->around[i + 1] = total;
+  }
+  PetscCall(PetscFree2(count, cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SolidMeshDestroy(SolidMesh *m)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree3(m->cell_node, m->X, m->phi));
   PetscCall(PetscFree2(m->grad, m->weight));
   PetscCall(PetscFree(m->side));
-  PetscCall(PetscFree(m->around));
-  PetscCall(PetscFree3(m->neighbour, m->laplace, m->curvature));
+  PetscCall(PetscFree2(m->around, m->neighbour));
+  PetscCall(PetscFree2(m->laplace, m->curvature));
   *m = (SolidMesh){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -242,6 +242,7 @@ PetscErrorCode SolidMeshCreateMembrane(Shape shape, const char name[], PetscInt 
   PetscCall(PetscMalloc1(m->nb * m->ncell, &m->side));
   PetscCall(PetscArraycpy(m->side, m->cell_node, m->ncell * m->nb));
   for (PetscInt c = 0; c < m->ncell; c++) measure_cell(m, c, &largest);
+  PetscCall(SolidMeshFindNeighbours(m));
   PetscCall(BendingCreate(m));
   m->h = dim == 2 ? largest : PetscSqrtReal(largest);
   SolidMeshFindRadius(m);

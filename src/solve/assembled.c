@@ -2,10 +2,86 @@
    */
 #include "compat.h"
 #include "assembled.h"
+#include "base/project.h"
 
 static PetscReal unit(const ConstraintView *c, PetscInt k, PetscInt i, PetscInt j)
 {
   return ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
+}
+
+/* Entries of the rows of a matrix of all components: of own columns, of others */
+static PetscErrorCode count_entries(Mat S, PetscInt dim, const PetscBool wanted[], PetscInt own[], PetscInt others[])
+{
+  PetscInt start, end;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetOwnershipRange(S, &start, &end));
+  for (PetscInt i = start; i < end; i++) {
+    const PetscInt *column;
+    PetscInt        n, in = 0;
+
+    for (PetscInt a = 0; a < dim; a++) own[(i - start) * dim + a] = 1;
+    if (!wanted[i - start]) continue;
+    PetscCall(MatGetRow(S, i, &n, &column, NULL));
+    for (PetscInt e = 0; e < n; e++) in += column[e] >= start && column[e] < end;
+    for (PetscInt a = 0; a < dim; a++) {
+      own[(i - start) * dim + a]    = in;
+      others[(i - start) * dim + a] = n - in;
+    }
+    PetscCall(MatRestoreRow(S, i, &n, &column, NULL));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Row `row` of S for every component */
+static PetscErrorCode copy_row(Mat S, PetscInt dim, PetscInt row, Mat A)
+{
+  const PetscInt    *column;
+  const PetscScalar *v;
+  PetscInt           n, *to;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetRow(S, row, &n, &column, &v));
+  PetscCall(PetscMalloc1(n, &to));
+  for (PetscInt a = 0; a < dim; a++) {
+    const PetscInt at = row * dim + a;
+
+    for (PetscInt e = 0; e < n; e++) to[e] = column[e] * dim + a;
+    PetscCall(MatSetValues(A, 1, &at, n, to, v, INSERT_VALUES));
+  }
+  PetscCall(PetscFree(to));
+  PetscCall(MatRestoreRow(S, row, &n, &column, &v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AssembledCreateNodes(Flow flow, const PetscBool wanted[], Mat *A)
+{
+  Mesh             mesh;
+  const MeshLocal *l;
+  Mat              S;
+  PetscInt        *own, *others, n, start;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(FlowGetMatrix(flow, &S));
+  n = l->nnode * l->dim;
+  PetscCall(PetscCalloc2(n, &own, n, &others));
+  PetscCall(count_entries(S, l->dim, wanted, own, others));
+  PetscCall(
+    MatCreateAIJ(PetscObjectComm((PetscObject)S), n, n, PETSC_DETERMINE, PETSC_DETERMINE, 0, own, 0, others, A));
+  PetscCall(PetscFree2(own, others));
+  PetscCall(MatGetOwnershipRange(S, &start, NULL));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt row = (start + i) * l->dim;
+
+    if (wanted[i]) PetscCall(copy_row(S, l->dim, start + i, *A));
+    else
+      for (PetscInt a = 0; a < l->dim; a++) PetscCall(MatSetValue(*A, row + a, row + a, 0, INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*A, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* D + H (of own bodies, may be NULL) and the identity of inert slots, as a matrix over u_r */
@@ -119,7 +195,7 @@ PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, co
   PetscFunctionBeginUser;
   PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
   if (FlowHasOperators(flow)) PetscCall(FlowAddOperatorsTo(flow, aij));
-  PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
+  PetscCall(MatrixProject(aij, P, out));
   PetscCall(MatDestroy(&aij));
   PetscCall(create_rigid_diagonal(c, D, penalty ? penalty->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));

@@ -4,6 +4,9 @@
 #include "pressure/pressure.h"
 #include "rigid/rigid.h"
 
+/* S for every component as one matrix, of own nodes that are wanted [own nodes]; of the others there is a 0 on the
+   diagonal. Collective; caller destroys. */
+PetscErrorCode AssembledCreateNodes(Flow, const PetscBool wanted[], Mat *A);
 /* out = P^T A P + D with the identity on inert slots, and the part of a penalty (may be NULL); A: velocity matrix
    of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]; with the ties, and what
    others have added to the flow (FlowAddOperator). Collective; caller destroys. */

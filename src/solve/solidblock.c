@@ -244,14 +244,19 @@ PetscErrorCode SolidBlockDestroy(SolidBlock *block)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The velocity's matrix with P, which the caller destroys */
+/* The velocity's matrix with P, as far as it is the block's: of the nodes in it and those that its bodies move. The
+   caller destroys both. */
 static PetscErrorCode assemble_velocity(FlowSolver fs, Mat *A, Mat *P)
 {
-  Mat S, all;
+  Mat        all;
+  PetscBool *wanted;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrix(fs->flow, &S));
-  PetscCall(MatCreateMAIJ(S, fs->loc->dim, &all));
+  PetscCall(PetscMalloc1(fs->loc->nnode, &wanted));
+  PetscCall(PetscArraycpy(wanted, fs->solid->inside, fs->loc->nnode));
+  SolidBlockMarkMoved(fs, wanted);
+  PetscCall(AssembledCreateNodes(fs->flow, wanted, &all));
+  PetscCall(PetscFree(wanted));
   PetscCall(ConstraintCreateMat(fs->constraint, P));
   PetscCall(AssembledCreateVelocity(fs->flow, fs->constraint, all, *P, fs->body.D,
                                     FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.contact_coupling, A));

@@ -20,6 +20,8 @@ struct _p_SolidBlock {
 PetscErrorCode SolidBlockFindBodies(FlowSolver, const PetscReal at[]);
 /* Own slots of u_r of these, from `start` on, into `slot`; returns their number. Local. */
 PetscInt SolidBlockListBodies(FlowSolver, PetscInt start, PetscInt slot[]);
+/* wanted [nnode] = true at own nodes that bodies in the block move, as a whole or in part. Local. */
+void SolidBlockMarkMoved(FlowSolver, PetscBool wanted[]);
 /* What the nodes outside of the block put into the bodies' rows of A. Collective. */
 PetscErrorCode SolidBlockReduceBodies(FlowSolver, Mat A);
 /* X of the slots with what ties the nodes outside to the bodies, in its place. Collective. */

@@ -5,6 +5,7 @@
    inside, with the bodies' rows, A stands for it, less what the nodes outside put there, (F R)^T weight^{-1} F R. */
 #include "compat.h"
 #include "solidblockimpl.h"
+#include "base/project.h"
 
 static PetscReal free_fraction(FlowSolver fs, PetscInt slot)
 {
@@ -45,6 +46,17 @@ PetscInt SolidBlockListBodies(FlowSolver fs, PetscInt start, PetscInt slot[])
     for (PetscInt s = 0; s < fs->nr && fs->solid->with[c->own[k]] > 0; s++)
       slot[n++] = start + fs->nodal + k * fs->nr + s;
   return n;
+}
+
+void SolidBlockMarkMoved(FlowSolver fs, PetscBool wanted[])
+{
+  const ConstraintView *c       = ConstraintGetView(fs->constraint);
+  const ConstraintRows *rows[2] = {&c->inert, &c->relative_rows};
+
+  for (PetscInt i = 0; i < 2; i++)
+    for (PetscInt j = 0; j < rows[i]->n; j++)
+      if (rows[i]->body[j] >= 0 && fs->solid->with[rows[i]->body[j]] > 0)
+        wanted[rows[i]->slot[j] / fs->loc->dim] = PETSC_TRUE;
 }
 
 /* Is row j one of the nodes outside, of a body in the block? */
@@ -114,7 +126,7 @@ PetscErrorCode SolidBlockCoupleBodies(FlowSolver fs, IS slots, Mat *X)
   PetscCall(MatAssemblyBegin(T, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(T, MAT_FINAL_ASSEMBLY));
   PetscCall(MatCreateSubMatrix(T, slots, slots, MAT_INITIAL_MATRIX, &Ts));
-  PetscCall(MatPtAP(*X, Ts, MAT_INITIAL_MATRIX, 2, &out));
+  PetscCall(MatrixProject(*X, Ts, &out));
   PetscCall(MatDestroy(&Ts));
   PetscCall(MatDestroy(&T));
   PetscCall(MatDestroy(X));
