@@ -70,6 +70,10 @@ typedef struct {
   const DeviceHang *hangs;
   const double     *box;      /* [group < nbox][4][32] det J, the diagonal of J^-1 */
   const double     *position; /* [group - nbox][81][32] coordinates of lattice positions, [27][3] */
+  /* [place] the place in other cells, which have `of_boxes` groups of boxes, whose coefficients products take; NULL:
+     cells have their own. Places are of the same kind. */
+  const int *from;
+  int        of_boxes;
 } DeviceCells;
 
 /* What DeviceCellsCreate takes: host arrays */
@@ -177,7 +181,18 @@ typedef struct {
   const int        *hang;    /* [place] in hangs, -1: nothing hangs; NULL: nowhere */
   const DeviceHang *hangs;   /* borrowed */
   const double     *moment;  /* [group][216][32] */
+  const int        *from;    /* [place] whose moments a part has, or NULL: its own */
 } DeviceMoments;
+
+/* What the velocity operator has between nodes and bodies: entries are pairs of a node and a body that cells have as
+   their nodes (DeviceCells.from). A rigid velocity is linear in the place, so four numbers an entry do: the operator
+   times 1 and times the way from the body's centre, at the nodes that the body moves. */
+typedef struct {
+  int           n, narm; /* entries; nodes that bodies move */
+  const int    *entry;   /* [narm] that of a node and the body that moves it */
+  const double *arm;     /* [narm][4] 1, way from the centre */
+  double       *x, *y;   /* [2][n][3] numbers 0 to 2, then the last, 0, 0: as they are, times the operator */
+} DeviceEntries;
 
 typedef struct {
   /* y [nnode][3] += factor times the rigid velocities U [nbody][6]; out [nbody][6] = factor times the forces and
@@ -202,6 +217,16 @@ typedef struct {
      [rows.n] and block [n][16] are lost. Each row has a kind of its own. */
   int (*invert_rows)(const DeviceQueue *, int n, const int row[], const DevicePairs *, int where[], double block[],
                      const DeviceRows *);
+  /* x = the arms at their entries, else 0; y = 0 */
+  int (*place_arms)(const DeviceQueue *, const DeviceEntries *);
+  /* y -= the four numbers of pairs, at entry [pairs], each once; -1: nowhere */
+  int (*subtract_pairs)(const DeviceQueue *, const DevicePairs *, const int entry[], const DeviceEntries *);
+  /* value [4][n] = y at entry [n] */
+  int (*take_pairs)(const DeviceQueue *, const DeviceEntries *, int n, const int entry[], double value[]);
+  /* out [n][4][4] = sums over start[k] <= i < start[k + 1] of the products of the numbers of arm[i] and of y at
+     entry[i]; nterm of them in all */
+  int (*sum_entries)(const DeviceQueue *, const DeviceEntries *, int n, int nterm, const int start[], const int arm[],
+                     const int entry[], double out[]);
 } DeviceBodyKernels;
 
 typedef struct {

@@ -22,6 +22,19 @@ PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal 
 /* Rows row [n] of B W B^T to places at [n], weight [nnode][dim]: see DeviceBodyKernels. Of all cells on one rank. */
 PetscErrorCode FlowMakeRowsOnDevice(Flow, const PetscReal weight[], PetscInt n, const int row[], const int at[],
                                     const DeviceRows *);
+/* Parts of S of the step, on one rank: n of its cells, any of them several times, with nodes node [n][27] of their own
+   among nnode, and the terms of participants in each. Memory grows; the caller destroys it. y [nnode][3] += that times
+   x. */
+typedef struct {
+  int           n; /* nodes */
+  DeviceCells   cells;
+  DeviceMoments moments;
+  size_t        capacity[7];
+} FlowNear;
+PetscErrorCode FlowNearRenew(Flow, PetscInt nnode, PetscInt n, const PetscInt cell[], const PetscInt node[],
+                             FlowNear *);
+PetscErrorCode FlowNearMultiply(Flow, const FlowNear *, const PetscReal x[], PetscReal y[]);
+PetscErrorCode FlowNearDestroy(Flow, FlowNear *);
 /* y [nnode][dim] = m x, or 1/m (inverse), by the lumped mass over the density */
 PetscErrorCode FlowScaleByMassOnDevice(Flow, const PetscReal x[], PetscReal y[]);
 PetscErrorCode FlowInvertMassOnDevice(Flow, PetscReal y[]);
@@ -86,8 +99,8 @@ PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt ho
 PetscErrorCode DeviceRenewBytes(const DeviceQueue *, size_t n, size_t size, const void *host, void **p,
                                 size_t *capacity);
 PetscErrorCode DeviceRenewInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p, size_t *capacity);
-/* Pairs in any order, width numbers of each value [n][width], of the host: sorted by bodies into *p, whose memory grows
-   likewise; and its memory */
+/* Pairs in any order, width numbers of each value [n][width], of the host: sorted by bodies, else in their order, into
+   *p, whose memory grows likewise; value NULL: there is room for them; and its memory */
 PetscErrorCode DevicePairsRenew(const DeviceQueue *, PetscInt n, PetscInt nbody, PetscInt width, const PetscInt body[],
                                 const PetscInt at[], const PetscReal value[], DevicePairs *p, size_t capacity[4]);
 PetscErrorCode DevicePairsDestroy(const DeviceQueue *, DevicePairs *);

@@ -60,6 +60,12 @@ int NAME(sum_blocks)(const DeviceQueue *, const DevicePairs *, const double[], d
 /* moments.c */
 int NAME(multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double[], double[]);
 int NAME(add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double[]);
+/* coupling.c */
+int NAME(place_arms)(const DeviceQueue *, const DeviceEntries *);
+int NAME(subtract_pairs)(const DeviceQueue *, const DevicePairs *, const int[], const DeviceEntries *);
+int NAME(take_pairs)(const DeviceQueue *, const DeviceEntries *, int, const int[], double[]);
+int NAME(sum_entries)(const DeviceQueue *, const DeviceEntries *, int, int, const int[], const int[], const int[],
+                      double[]);
 /* rows.c */
 int NAME(multiply_rows)(const DeviceQueue *, const DeviceRows *, const double[], double[]);
 int NAME(residual_rows)(const DeviceQueue *, const DeviceRows *, const double[], const double[], double[]);

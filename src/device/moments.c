@@ -38,6 +38,14 @@ DEV void leave_out(const int without, const int stride, double *v)
     if (without >> j & 1) v[j * stride] = 0;
 }
 
+/* Moments of place e */
+DEV const double *moments_of(const DeviceMoments p, const int e)
+{
+  const int from = p.from ? p.from[e] : e;
+
+  return p.moment + (Big)(from / G) * 216 * G + from % G;
+}
+
 /* As the kernels of cells want them */
 DEV DeviceCells cells_of(const DeviceMoments p)
 {
@@ -64,7 +72,7 @@ KERNEL(THREADS, 4) multiply_all(const DeviceMoments p, const double *RESTRICT x,
 
     leave_out(without, 3 * PAD, mine);
     to_positions(t, c, BLOCK, s);
-    multiply_matrix(p.moment + (Big)BLOCK * 216 * G + t % G, 3 * PAD, mine);
+    multiply_matrix(moments_of(p, BLOCK * G + t % G), 3 * PAD, mine);
     to_slots(t, c, BLOCK, s);
     leave_out(without, 3 * PAD, mine);
   }
@@ -83,7 +91,7 @@ int NAME(multiply_moments)(const DeviceQueue *queue, const DeviceMoments *p, con
 DEV void add_hanging(const int t, const DeviceMoments p, const DeviceHang *h, const int g, double *mine,
                      double *diagonal)
 {
-  const double *m = p.moment + (Big)g * 216 * G + t % G;
+  const double *m = moments_of(p, g * G + t % G);
 
   for (int slot = t / G; slot < 27; slot += 3) {
     const int e   = p.node[((Big)g * G + t % G) * 27 + slot];
@@ -106,7 +114,7 @@ KERNEL(THREADS, 2) diagonal_all(const DeviceMoments p, double *diagonal)
   EACH_THREAD(t, THREADS)
   {
     const DeviceHang *h = find_hang(t, c, BLOCK);
-    const double     *m = p.moment + (Big)BLOCK * 216 * G + t % G;
+    const double     *m = moments_of(p, BLOCK * G + t % G);
 
     if (h) add_hanging(t, p, h, BLOCK, component(t, s), diagonal);
     for (int slot = t / G; slot < 27 && !h; slot += 3) {

@@ -3,6 +3,15 @@
 #include "cell.h"
 #include "functions.h"
 
+/* Coefficients of a lane, in groups of so many numbers, of which the kind's own come first */
+DEV const double *find_coefficients(const int box, const DeviceCells c, const int g, const int lane, const Big size,
+                                    const double *RESTRICT coefficient)
+{
+  const int first = box ? 0 : c.from ? c.of_boxes : c.nbox, place = c.from ? c.from[g * G + lane] : g * G + lane;
+
+  return coefficient + (place / G - first) * size + place % G;
+}
+
 DEV void multiply_group(const int box, const int convection, const int skew, const int vary, const DeviceCells c,
                         const int first, const double *RESTRICT coefficient, const int masked, const double *RESTRICT x,
                         double *y)
@@ -22,7 +31,7 @@ DEV void multiply_group(const int box, const int convection, const int skew, con
     to_positions(t, c, g, s);
     UNROLL
     for (int j = 0; j < 27; j++) v[j] = mine[3 * j * PAD];
-    multiply_cell(box, convection, skew, vary, coefficient + BLOCK * size + t % G, v);
+    multiply_cell(box, convection, skew, vary, find_coefficients(box, c, g, t % G, size, coefficient), v);
     UNROLL
     for (int j = 0; j < 27; j++) mine[3 * j * PAD] = v[j];
     to_slots(t, c, g, s);
@@ -51,7 +60,7 @@ int NAME(multiply)(const DeviceQueue *queue, const DeviceCells *cells, const Dev
   const Multiply        of_boxes = box[find_form(form, form->vary)], of_others = other[find_form(form, 0)];
 
   LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, 0, coefficient, masked, x, y);
-  coefficient += cells->nbox * box_size(flow, form->vary != 0);
+  coefficient += (cells->from ? cells->of_boxes : cells->nbox) * box_size(flow, form->vary != 0);
   LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, cells->nbox, coefficient, masked, x, y);
   return EndKernel(queue, __func__, NodeBytes(cells->ngroup) + CoefficientBytes(cells, form) + 72. * cells->nnode);
 }

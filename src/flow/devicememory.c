@@ -72,7 +72,7 @@ PetscErrorCode DevicePairsRenew(const DeviceQueue *queue, PetscInt n, PetscInt n
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(nbody + 2, &start));
-  PetscCall(PetscMalloc3(n, &to_at, n, &to_body, n * width, &to_value));
+  PetscCall(PetscMalloc3(n, &to_at, n, &to_body, value ? n * width : 0, &to_value));
   for (PetscInt i = 0; i < n; i++) start[body[i] + 2]++;
   for (PetscInt k = 0; k < nbody; k++) start[k + 1] += start[k];
   for (PetscInt i = 0; i < n; i++) { /* start[k + 1]: where the next of body k goes */
@@ -80,14 +80,14 @@ PetscErrorCode DevicePairsRenew(const DeviceQueue *queue, PetscInt n, PetscInt n
 
     to_at[to]   = at[i];
     to_body[to] = body[i];
-    for (PetscInt m = 0; m < width; m++) to_value[m * n + to] = value[i * width + m];
+    for (PetscInt m = 0; m < width && value; m++) to_value[m * n + to] = value[i * width + m];
   }
   p->n     = (int)n;
   p->nbody = (int)nbody;
   PetscCall(DeviceRenewInts(queue, nbody + 1, start, &p->start, &capacity[0]));
   PetscCall(DeviceRenewInts(queue, n, to_at, &p->at, &capacity[1]));
   PetscCall(DeviceRenewInts(queue, n, to_body, &p->body, &capacity[2]));
-  PetscCall(DeviceRenew(queue, n * width, to_value, &p->value, &capacity[3]));
+  PetscCall(DeviceRenew(queue, n * width, value ? to_value : NULL, &p->value, &capacity[3]));
   PetscCall(PetscFree(start));
   PetscCall(PetscFree3(to_at, to_body, to_value));
   PetscFunctionReturn(PETSC_SUCCESS);

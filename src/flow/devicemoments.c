@@ -55,14 +55,10 @@ PetscErrorCode DeviceMomentsUpdate(Flow f, OnDevice o)
   p->ngroup = 0;
   for (PetscInt i = 0; i < f->owners.nterms; i++) most += f->owners.terms[i].n;
   if (!most) PetscFunctionReturn(PETSC_SUCCESS);
-  if (f->loc->hang && !o->moments.hang) {
-    PetscCall(PetscMalloc1(MESH_HANG_CODES, &o->moments.hang));
-    (void)FlowNumberHangs(f->loc, o->moments.hang);
-  }
   most = (most + G - 1) / G * G;
   PetscCall(PetscMalloc4(most * 27, &entries.node, most, &entries.without, most, &entries.hang, most * MOMENTS,
                          &entries.moment));
-  p->ngroup = (int)((fill_entries(f, o->moments.hang, &entries) + G - 1) / G);
+  p->ngroup = (int)((fill_entries(f, o->hang, &entries) + G - 1) / G);
   n         = (size_t)p->ngroup * G;
   PetscCall(DeviceRenew(q, n * 27, entries.node, &p->node, &capacity[0]));
   PetscCall(DeviceRenew(q, n, entries.without, &p->without, &capacity[1]));
@@ -82,7 +78,6 @@ PetscErrorCode DeviceMomentsDestroy(OnDevice o)
   PetscCall(DeviceFree(&o->queue, &p->without));
   PetscCall(DeviceFree(&o->queue, &p->hang));
   PetscCall(DeviceFree(&o->queue, &p->moment));
-  PetscCall(PetscFree(o->moments.hang));
   o->moments = (MomentsOnDevice){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -102,12 +102,22 @@ static PetscErrorCode set_fixed(Flow f, OnDevice o)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode number_hangs(Flow f, OnDevice o)
+{
+  PetscFunctionBeginUser;
+  if (!f->loc->hang) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(MESH_HANG_CODES, &o->hang));
+  (void)FlowNumberHangs(f->loc, o->hang);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What goes by the cells */
 static PetscErrorCode create_on_mesh(Flow f, OnDevice o)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowCreateDeviceCells(f, &o->queue, f->loc->ncell, NULL, &o->cells));
   PetscCall(set_fixed(f, o));
+  PetscCall(number_hangs(f, o));
   PetscCall(DeviceTake(&o->queue, f->loc->nnode_all * 3, NULL, &o->w));
   if (has_ghosts(f)) {
     PetscCall(DeviceTake(&o->queue, f->loc->nnode_all * 3, NULL, &o->from));
@@ -126,6 +136,8 @@ static PetscErrorCode destroy_on_mesh(OnDevice o)
   PetscCall(DeviceMomentsDestroy(o));
   PetscCall(DeviceFetchDestroy(o));
   PetscCall(DeviceFree(&o->queue, &o->place));
+  PetscCall(PetscFree(o->place_here));
+  PetscCall(PetscFree(o->hang));
   PetscCall(DeviceFree(&o->queue, &o->w));
   PetscCall(DeviceFree(&o->queue, &o->from));
   PetscCall(DeviceFree(&o->queue, &o->to));
@@ -328,21 +340,21 @@ PetscErrorCode FlowPressureMassOnDevice(Flow f, PetscReal factor, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where cells stand in groups; made when it is asked for */
-static PetscErrorCode find_groups(OnDevice o)
+PetscErrorCode OnDeviceFindGroups(OnDevice o)
 {
   const DeviceQueue *q = &o->queue;
   const PetscInt     n = o->cells.ngroup * DEVICE_GROUP;
-  int               *cell, *place;
+  int               *cell;
 
   PetscFunctionBeginUser;
   if (o->place) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc2(n, &cell, o->cells.ncell, &place));
+  PetscCall(PetscMalloc1(n, &cell));
+  PetscCall(PetscMalloc1(o->cells.ncell, &o->place_here));
   PetscCallDevice(q, (*q->run->download)(q, (size_t)n * sizeof(*cell), o->cells.cell, cell));
   for (PetscInt e = 0; e < n; e++)
-    if (cell[e] >= 0) place[cell[e]] = (int)e;
-  PetscCall(DeviceTake(q, o->cells.ncell, place, &o->place));
-  PetscCall(PetscFree2(cell, place));
+    if (cell[e] >= 0) o->place_here[cell[e]] = (int)e;
+  PetscCall(DeviceTake(q, o->cells.ncell, o->place_here, &o->place));
+  PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -353,7 +365,7 @@ PetscErrorCode FlowMakeRowsOnDevice(Flow f, const PetscReal weight[], PetscInt n
   const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
-  PetscCall(find_groups(o));
+  PetscCall(OnDeviceFindGroups(o));
   PetscCallDevice(q, (*q->run->body.make_rows)(q, &o->cells, &o->divergence, o->place, weight, (int)n, row, at, rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

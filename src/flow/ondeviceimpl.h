@@ -24,7 +24,6 @@ typedef struct {
 /* Terms of participants in cells (FlowDescribeCellTerms), in groups */
 typedef struct {
   DeviceMoments on;
-  PetscInt     *hang; /* [MESH_HANG_CODES] number of a way to hang; NULL: nothing hangs */
   size_t        capacity[4];
 } MomentsOnDevice;
 
@@ -43,6 +42,8 @@ struct _p_OnDevice {
   DeviceForm       form;
   DeviceDivergence divergence;
   const int       *place;       /* [ncell] of cells in groups; NULL so far */
+  int             *place_here;  /* the same on the host */
+  PetscInt        *hang;        /* [MESH_HANG_CODES] number of a way to hang; NULL: nothing hangs */
   double          *w;           /* [nnode_all][3] convecting velocity */
   double          *from, *to;   /* [nnode_all][3] with ghosts, where there are some */
   double          *coefficient; /* at the points, see DeviceCoefficients */
@@ -73,6 +74,8 @@ PetscErrorCode DeviceSetCoefficients(OnDevice, const DeviceCells *, const double
 /* Terms of participants of the step (devicemoments.c). Local. */
 PetscErrorCode DeviceMomentsUpdate(Flow, OnDevice);
 PetscErrorCode DeviceMomentsDestroy(OnDevice);
+/* o->place and o->place_here. Local. */
+PetscErrorCode OnDeviceFindGroups(OnDevice);
 /* Of rows on their way (devicefetch.c). Local. */
 PetscErrorCode DeviceFetchDestroy(OnDevice);
 /* -device_table: begin to count; the table, and the end of it. Collective. */

@@ -74,7 +74,7 @@ static PetscErrorCode list_rigid_nodes(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode list_penalty(FlowSolver fs)
+PetscErrorCode FlowSolverListPenaltyOnDevice(FlowSolver fs)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const PenaltyTerm    *s = FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL;
@@ -154,8 +154,10 @@ PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver fs)
   PetscCall(DeviceRenew(q, n, NULL, &b->U, &b->capacity[0]));
   PetscCall(DeviceRenew(q, 2 * n, NULL, &b->sum, &b->capacity[1]));
   PetscCall(list_rigid_nodes(fs));
-  PetscCall(list_penalty(fs));
-  PetscCall(list_coupling(fs));
+  if (!FlowSolverCouplesOnDevice(fs)) {
+    PetscCall(FlowSolverListPenaltyOnDevice(fs));
+    PetscCall(list_coupling(fs));
+  }
   PetscCall(list_cut_nodes(fs));
   PetscCall(list_rigid_cells(fs));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -174,6 +174,15 @@ typedef struct {
   size_t     rigid_capacity;
 } BodiesOnDevice;
 
+/* With -device, E made there: devicecoupling.c */
+typedef struct {
+  FlowNear      near; /* cells around bodies */
+  DeviceEntries on;
+  const int    *list[3]; /* on their way to kernels */
+  double       *sum;     /* of pairs of bodies */
+  size_t        capacity[8];
+} CouplingOnDevice;
+
 /* With -device: ondevice.c */
 typedef struct {
   Vec        jacobi;     /* diagonal_inverse, 1 at inert slots */
@@ -190,7 +199,8 @@ typedef struct {
   const int *fixed;             /* [nfixed] slots that boundary conditions fix; NULL: not listed so far */
   double    *sums;              /* [DEVICE_PARTIAL + 2] of reductions */
 
-  BodiesOnDevice body;
+  BodiesOnDevice   body;
+  CouplingOnDevice coupling;
 } SystemOnDevice;
 
 struct _p_FlowSolver {
@@ -328,6 +338,12 @@ PetscErrorCode FlowSolverSumRowsOnDevice(FlowSolver, const PetscReal v[], const 
    sum += rigid, then summed over ranks. Collective. */
 PetscErrorCode FlowSolverTakeImpulse(FlowSolver, PetscReal rigid[], PetscBool *any);
 PetscErrorCode FlowSolverSumLoads(FlowSolver, const PetscReal rigid[], PetscReal sum[6]);
+/* Is E made on the device in this step, and no row of the matrix is wanted on the host? Then own as
+   BodyCouplingUpdate has it (devicecoupling.c), after G has gone over. Local. */
+PetscBool      FlowSolverCouplesOnDevice(FlowSolver);
+PetscErrorCode FlowSolverCoupleOnDevice(FlowSolver, const PenaltyTerm *, const PetscReal *own[]);
+PetscErrorCode FlowSolverFreeCouplingOnDevice(FlowSolver);
+PetscErrorCode FlowSolverListPenaltyOnDevice(FlowSolver);
 /* Rows of bodies of y: slots [count][nr] of the host + P^T y */
 PetscErrorCode FlowSolverReduceIntoOnDevice(FlowSolver, PetscReal slots[], PetscReal y[]);
 /* Rigid velocities of slots of the host go over to the local bodies, for fs->device.body.U */

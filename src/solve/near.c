@@ -4,6 +4,18 @@
 #include "compat.h"
 #include "cellrelax.h"
 #include "impl.h"
+#include "flow/device.h"
+
+/* Are cut cells relaxed, whose blocks are made of rows? */
+static PetscBool relaxes_cells(FlowSolver fs)
+{
+  return (PetscBool)(FlowSolverTwoStages(fs) && fs->choice.relax_cells);
+}
+
+PetscBool FlowSolverCouplesOnDevice(FlowSolver fs)
+{
+  return (PetscBool)(FlowStaysOnDevice(fs->flow) && !relaxes_cells(fs));
+}
 
 PetscErrorCode FlowSolverGatherRows(FlowSolver fs)
 {
@@ -15,7 +27,7 @@ PetscErrorCode FlowSolverGatherRows(FlowSolver fs)
     PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &marked));
   PetscCall(BodyCouplingMarkNodes(fs->constraint, marked));
-  if (FlowSolverTwoStages(fs) && fs->choice.relax_cells)
+  if (relaxes_cells(fs))
     PetscCall(CellRelaxMarkNodes(fs->loc, fs->constraint, fs->pressure,
                                  FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, marked));
   PetscCall(FlowGatherRows(fs->flow, marked, &fs->body.near_rows));

@@ -313,5 +313,6 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   PetscCall(DeviceFree(q, &fs->device.sums));
   PetscCall(PetscFree(fs->device.value_here));
   PetscCall(FlowSolverFreeBodiesOnDevice(fs));
+  PetscCall(FlowSolverFreeCouplingOnDevice(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -116,8 +116,13 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   const PetscReal      *stiff;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowSolverGatherRows(fs));
-  PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
+  if (FlowSolverCouplesOnDevice(fs)) {
+    PetscCall(FlowSolverListPenaltyOnDevice(fs));
+    PetscCall(FlowSolverCoupleOnDevice(fs, penalty, &stiff));
+  } else {
+    PetscCall(FlowSolverGatherRows(fs));
+    PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
+  }
   PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale,
                              fs->body.body_inverse, fs->body.mass_inverse));
   PetscCall(

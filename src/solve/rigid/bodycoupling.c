@@ -31,15 +31,6 @@ struct _p_BodyCoupling {
   PetscReal *block, *own; /* own [nbodies][nr][nr]: of single bodies */
 };
 
-/* The body whose rigid velocities move node i, or -1; at a wall none */
-static inline PetscInt get_body(const ConstraintView *c, PetscInt i)
-{
-  const PetscInt  k    = ConstraintGetMover(c, i);
-  const PetscBool wall = (PetscBool)(c->node_body[i] < 0 && c->fixed[i] == (1 << c->loc->dim) - 1);
-
-  return k >= 0 && ConstraintHasUnknown(c, k) && !wall ? k : -1;
-}
-
 static PetscErrorCode place_nodes(BodyCoupling b)
 {
   const ConstraintView *c   = ConstraintGetView(b->constraint);
@@ -51,7 +42,7 @@ static PetscErrorCode place_nodes(BodyCoupling b)
                          (size_t)dim * sizeof(*b->arm), NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) b->index[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
-    const PetscInt i = c->body_node[e], k = get_body(c, i);
+    const PetscInt i = c->body_node[e], k = BodyCouplingGetMover(c, i);
 
     if (k < 0) continue;
     b->index[i] = e;
@@ -348,7 +339,7 @@ PetscErrorCode BodyCouplingMarkNodes(Constraint constraint, PetscBool marked[])
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++)
-    if (get_body(c, c->body_node[e]) >= 0) marked[c->body_node[e]] = PETSC_TRUE;
+    if (BodyCouplingGetMover(c, c->body_node[e]) >= 0) marked[c->body_node[e]] = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -366,10 +357,26 @@ static PetscErrorCode trim(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* By the local numbers of bodies from now on */
+static PetscErrorCode finish(BodyCoupling b, const PetscReal *own[])
+{
+  const PetscInt *local = ConstraintGetView(b->constraint)->local_index;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
+  for (PetscInt e = 0; e < b->ntwo; e++) {
+    b->two[e].body  = local[b->two[e].body];
+    b->two[e].other = local[b->two[e].other];
+  }
+  *own = b->own;
+  PetscCall(trim(b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[])
 {
-  const PetscInt *local = ConstraintGetView(b->constraint)->local_index, plane = b->loc->dim == 2;
-  PetscInt        nfree = 0;
+  const PetscInt plane = b->loc->dim == 2;
+  PetscInt       nfree = 0;
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
@@ -382,13 +389,33 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
   if (penalty) PetscCall(plane ? subtract_penalty(2, b, penalty) : subtract_penalty(3, b, penalty));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->nnode = nfree;
-  for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
-  for (PetscInt e = 0; e < b->ntwo; e++) {
-    b->two[e].body  = local[b->two[e].body];
-    b->two[e].other = local[b->two[e].other];
+  PetscCall(finish(b, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingSetBlocks(BodyCoupling b, const PenaltyTerm *penalty, PetscInt n, const PetscInt two[],
+                                     const PetscReal sum[], const PetscReal *own[])
+{
+  const PetscInt *body = ConstraintGetView(b->constraint)->local_list;
+
+  PetscFunctionBeginUser;
+  PetscCall(clear(b));
+  PetscCall(place_nodes(b));
+  for (PetscInt e = 0; e < n; e++) {
+    PetscReal *block;
+
+    PetscCall(get_block(b, body[two[2 * e]], body[two[2 * e + 1]], &block));
+    for (PetscInt k = 0; k < 4; k++) { /* the part of 1, and of the way along each axis */
+      const PetscReal *s = sum + e * 16 + k * 4, way[3] = {k == 1, k == 2, k == 3};
+      PetscReal        R[18], E[18];
+
+      RigidMapFill(3, k == 0, way, R);
+      RigidMapFill(3, s[0], s + 1, E);
+      add_product(3, 1, R, E, block);
+    }
   }
-  *own = b->own;
-  PetscCall(trim(b));
+  if (penalty) PetscCall(subtract_penalty(3, b, penalty));
+  PetscCall(finish(b, own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

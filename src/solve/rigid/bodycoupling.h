@@ -26,11 +26,25 @@ PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
 
 /* Mark, in marked [nnode_all], the nodes whose rows and columns of the matrix BodyCouplingUpdate will want. Local. */
 PetscErrorCode BodyCouplingMarkNodes(Constraint, PetscBool marked[]);
+/* The body whose rigid velocities move local node i, or -1; at a wall none */
+static inline PetscInt BodyCouplingGetMover(const ConstraintView *c, PetscInt i)
+{
+  const PetscInt  k    = ConstraintGetMover(c, i);
+  const PetscBool wall = (PetscBool)(c->node_body[i] < 0 && c->fixed[i] == (1 << c->loc->dim) - 1);
+
+  return k >= 0 && ConstraintHasUnknown(c, k) && !wall ? k : -1;
+}
+
 /* Of the present matrix, bodies and penalty; penalty may be NULL. rows: of FlowGatherRows with those nodes marked, or
    NULL: the matrix of FlowGetMatrix. own [nbodies][nr][nr]: what O is for k = l, of the rows
    of own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective.
    */
 PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[]);
+/* The same, in space and on one rank, where E is kept elsewhere. n blocks of pairs of local bodies, two [n][2]: sum
+   [n][4][4] over the nodes that the first moves of the products of 1, x - X and the four numbers of the other's E,
+   without what the penalty has in its own rows. */
+PetscErrorCode BodyCouplingSetBlocks(BodyCoupling, const PenaltyTerm *penalty, PetscInt n, const PetscInt two[],
+                                     const PetscReal sum[], const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);
