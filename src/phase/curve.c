@@ -6,6 +6,7 @@
 #include "fem/edge.h"
 
 #define AGAINST -0.2 /* cosine: such an edge faces the other way */
+#define NEAR    0.25 /* of half an edge: where so near, its normal tells the sides */
 #define FLAT    0.25 /* sine of the angle to a wall that a shift reckons with */
 
 /* ---- life cycle ---- */
@@ -214,7 +215,33 @@ static void normal_at_end(const PhaseCurve *c, PetscInt e, PetscReal t, PetscRea
   }
 }
 
-/* Of one loop, nearer than p->d says (a size); sign by the normal, at an end that of both edges */
+/* Does the loop close, or go over a period? */
+static PetscBool closes(const PhaseCurve *c, PetscInt loop)
+{
+  const PetscInt first = c->edge[c->first[loop]], last = c->edge[c->first[loop + 1] - 1];
+
+  return (PetscBool)(EdgeDistance2(c->x[first][0], c->x[last][2]) <= PetscSqr(c->ball[first][2]));
+}
+
+/* How often a loop goes round x, counter-clockwise, by the chords of the halves of its edges */
+static PetscInt count_turns(const PhaseCurve *c, PetscInt loop, const PetscReal x[2])
+{
+  PetscInt turns = 0;
+
+  for (PetscInt i = c->first[loop]; i < c->first[loop + 1]; i++)
+    for (PetscInt j = 0; j < 2; j++) {
+      const PetscReal *p = c->x[c->edge[i]][j], *q = c->x[c->edge[i]][j + 1];
+      const PetscReal  left = (q[0] - p[0]) * (x[1] - p[1]) - (x[0] - p[0]) * (q[1] - p[1]);
+
+      if (p[1] <= x[1] && q[1] > x[1] && left > 0) turns++;
+      if (p[1] > x[1] && q[1] <= x[1] && left < 0) turns--;
+    }
+  return turns;
+}
+
+/* Of one loop, nearer than p->d says (a size). Next to it the normal tells the sides, at an end that of both edges;
+   farther off that would be wrong where a loop is folded, as filaments and drops are that are about to vanish: what a
+   loop goes round is inside of it, of a hole it is not. */
 static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal x[2], PetscReal reach, PhasePoint *p)
 {
   PetscReal best = reach, at = 0, n[2];
@@ -241,6 +268,11 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
   else EdgeNormal(c->x[which], at, n);
   p->edge = which;
   p->d    = (x[0] - p->y[0]) * n[0] + (x[1] - p->y[1]) * n[1] < 0 ? -best : best;
+  if (best > NEAR * c->ball[which][2] && closes(c, loop)) {
+    const PetscInt turns = count_turns(c, loop, x);
+
+    p->d = (c->area[loop] < 0 ? turns >= 0 : turns > 0) ? -best : best;
+  }
   return PETSC_TRUE;
 }
 

@@ -72,6 +72,36 @@ static void test_closest(void **state)
   (void)PhaseCurveDestroy(&c);
 }
 
+/* A loop with a lobe that is the wrong way round, as a figure of eight: beyond the lobe is not inside, in it neither */
+static void test_folded(void **state)
+{
+  PhaseCurve c;
+  PhasePoint p;
+
+  (void)state;
+  (void)PhaseCurveCreate(EDGES, &c);
+  for (PetscInt e = 0; e < EDGES; e++) {
+    for (PetscInt j = 0; j < 3; j++) {
+      const PetscReal t = PETSC_PI * (PetscReal)((2 * e + j) % (2 * EDGES)) / EDGES, x = PetscCosReal(t);
+
+      c.x[e][j][0] = x > 0 ? 2 * x : x;
+      c.x[e][j][1] = PetscSinReal(2 * t);
+    }
+    c.drop[e]   = 0;
+    c.next[e]   = (e + 1) % EDGES;
+    c.before[e] = (e + EDGES - 1) % EDGES;
+  }
+  PhaseCurveLink(&c);
+  assert_true(c.nloop == 1 && c.area[0] > 0);
+  for (PetscInt i = 0; i < 4; i++) {
+    const PetscReal x[4][2] = {{1.4, 0}, {-0.7, 0}, {-3, 0.1}, {3, 0.1}};
+
+    PhaseCurveClosest(&c, x[i], 10, &p);
+    assert_true(i == 0 ? p.d < 0 : p.d > 0);
+  }
+  (void)PhaseCurveDestroy(&c);
+}
+
 static void test_shift(void **state)
 {
   const PetscReal of[2][5] = {{0, 0, 1, 1, 1}, {5, 0, 1, 1, 1}};
@@ -260,9 +290,9 @@ static void test_meet(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),    cmocka_unit_test(test_closest),
-                                     cmocka_unit_test(test_shift),   cmocka_unit_test(test_gather),
-                                     cmocka_unit_test(test_contour), cmocka_unit_test(test_descent),
-                                     cmocka_unit_test(test_meet)};
+                                     cmocka_unit_test(test_folded),  cmocka_unit_test(test_shift),
+                                     cmocka_unit_test(test_gather),  cmocka_unit_test(test_contour),
+                                     cmocka_unit_test(test_descent), cmocka_unit_test(test_meet)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -76,6 +76,14 @@ def test_bubble(drops):
     assert rows[-1]["x"] == pytest.approx(0.5, abs=1e-6)
 
 
+def test_long_steps(drops):
+    """Steps of a third of a cell at the tail: it stays one bubble. Where the closest edge alone told inside from outside, a folded edge tore it apart, and a drop of it grew fourteenfold."""
+    rows, series = drops("bubble-rising", "-sim_dt", "0.08", "-output_every", "0")
+    assert all(row["drops"] == 1 and row["drops_broken"] == 0 for row in series)
+    assert max(abs(row["volume_error"]) for row in rows) < 1e-4
+    assert rows[-1]["y"] == pytest.approx(1.0817, rel=3e-3) and min(row["circularity"] for row in rows) == pytest.approx(0.9012, rel=5e-3)
+
+
 SHORT = ["-mesh_cells", "10,20", "-sim_dt", "0.04", "-output_every", "0", "-flow_solver", "direct"]
 
 
@@ -293,7 +301,7 @@ def test_floating_disc(run):
     depth = (out.drops["wetted"][-1] - 2) / 2 - 1 - out.bodies["y"][-1]
     assert depth == pytest.approx(0.187127, rel=0.015)  # study drops; set after 1 % was seen
     assert max(out.series["momentum_error"]) < 1e-12
-    assert abs(out.drops["volume_error"][-1]) < 1e-10 and max(map(abs, out.drops["volume_error"][5:])) < 1e-6
+    assert max(map(abs, out.drops["volume_error"])) < 2e-4 and max(map(abs, out.drops["volume_error"][2:])) < 1e-9
 
 
 @pytest.mark.parametrize("angle, wetted", [("90", 0), ("60", 0.5)])
