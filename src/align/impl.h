@@ -274,7 +274,7 @@ PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
 PetscErrorCode AlignOpenGaps(Align);
 /* pull.c */
 void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
-void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
+PetscErrorCode AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
 void           AlignPullFaces(Align, PetscInt n, const PetscInt list[], const PetscReal from[]);
 PetscErrorCode AlignPullBack(Align, PetscBool *any);
 PetscErrorCode AlignPullBegin(Align);

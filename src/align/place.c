@@ -226,7 +226,7 @@ static PetscErrorCode place_edges(Align s, PetscInt n, const PetscInt cells[], P
   }
   PetscCall(AlignProjectNodes(s, wall.n, wall.i, count));
   if (dim == 2) AlignKeepSides(s, wall.n, wall.i);
-  if (s->pull) AlignPullMiddles(s, wall.n, wall.i);
+  if (s->pull) PetscCall(AlignPullMiddles(s, wall.n, wall.i));
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

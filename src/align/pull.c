@@ -8,7 +8,8 @@
 #define KEPT     0.6  /* of its way that a vertex of a bad cell keeps, each time */
 #define FARTHEST 1.2  /* cells that a vertex goes */
 #define AWAY     0.35 /* of a cell: middles whose surface is farther stay on the chord, */
-#define ALONG    0.15 /* as do those that would go so much of their edge along it, where it folds */
+#define ALONG    0.15 /* as do those that would go so much of their edge along it, where it folds, */
+#define ROUNDS   4    /* looks at what lies across */
 
 static PetscReal length_of(PetscInt dim, const PetscReal r[])
 {
@@ -32,32 +33,59 @@ void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
   }
 }
 
-/* Middles of wall edges that were put onto the surface: back to the chord where that is not near, or an end is off the
-   surface */
-void AlignPullMiddles(Align s, PetscInt n, const PetscInt list[])
+/* Of a middle that was put onto the surface, and of its edge as it is without the pull: from the chord's middle, how
+   much of that along the edge, from end to end */
+typedef struct {
+  PetscReal off[3], along, edge[3], length;
+} Middle;
+
+static void measure_middle(Align s, PetscInt i, const PetscInt end[2], const PetscReal chord[], Middle *m)
 {
   const PetscInt dim = s->loc->dim;
 
+  *m = (Middle){.along = 0};
+  for (PetscInt a = 0; a < dim; a++) {
+    const PetscInt p = dim * end[0] + a, q = dim * end[1] + a;
+
+    m->off[a]  = s->d[dim * i + a] - chord[a] - 0.5 * (s->rest[p] + s->rest[q]);
+    m->edge[a] = MeshNearest(s->loc, a, s->loc->x_start[q] - s->loc->x_start[p]) + s->d[q] + s->rest[q] - s->d[p] -
+                 s->rest[p];
+  }
+  m->length = length_of(dim, m->edge);
+  for (PetscInt a = 0; a < dim && m->length > 0; a++) m->along += m->off[a] * m->edge[a] / PetscSqr(m->length);
+}
+
+/* Middles of wall edges that were put onto the surface: where that is far along their edge, as where a bend is sharp,
+   to what of the surface lies across from the chord; back to the chord where that is not near. Where an end of the
+   edge of the mesh is off the surface, its middle is on the chord, and only what is left knows of the surface. */
+PetscErrorCode AlignPullMiddles(Align s, PetscInt n, const PetscInt list[])
+{
+  const PetscInt dim = s->loc->dim;
+
+  PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt i = list[e];
+    PetscReal     *d = s->d + dim * i, *rest = s->rest + dim * i, chord[3];
+    PetscBool      near, pulled;
     PetscInt       end[2];
-    PetscReal      chord[3], off[3], edge[3], length, along = 0;
+    Middle         m;
 
     AlignEdgeEnds(s, i, end);
     AlignPlaceOnChord(s, end[0], end[1], chord);
-    for (PetscInt a = 0; a < dim; a++) {
-      off[a]  = s->d[dim * i + a] - chord[a];
-      edge[a] = MeshNearest(s->loc, a, s->loc->x_start[dim * end[1] + a] - s->loc->x_start[dim * end[0] + a]) +
-                s->d[dim * end[1] + a] - s->d[dim * end[0] + a];
-      along += off[a] * edge[a];
-      s->rest[dim * i + a] = 0.5 * (s->rest[dim * end[0] + a] + s->rest[dim * end[1] + a]);
+    measure_middle(s, i, end, chord, &m);
+    for (PetscInt round = 0; round < ROUNDS && PetscAbsReal(m.along) > ALONG; round++) {
+      for (PetscInt a = 0; a < dim; a++) d[a] -= m.along * m.edge[a];
+      PetscCall(AlignProjectNodes(s, 1, list + e, PETSC_FALSE));
+      measure_middle(s, i, end, chord, &m);
     }
-    length = length_of(dim, edge);
-    if (s->pull[end[0]] == 0 && s->pull[end[1]] == 0 && length_of(dim, off) <= AWAY * s->grid.size[i] &&
-        PetscAbsReal(along) <= ALONG * length * length)
-      continue;
-    for (PetscInt a = 0; a < dim; a++) s->d[dim * i + a] = chord[a];
+    near   = (PetscBool)(length_of(dim, m.off) <= AWAY * s->grid.size[i] && PetscAbsReal(m.along) <= ALONG);
+    pulled = (PetscBool)(s->pull[end[0]] != 0 || s->pull[end[1]] != 0);
+    for (PetscInt a = 0; a < dim; a++) {
+      rest[a] = 0.5 * (s->rest[dim * end[0] + a] + s->rest[dim * end[1] + a]) + (near && pulled ? m.off[a] : 0);
+      if (!near || pulled) d[a] = chord[a];
+    }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* In space the same for middles of wall faces, from [n][3] where they were within the edges of the face */

@@ -6,9 +6,9 @@
 #include "scalarphases.h"
 #include "base/array.h"
 
-#define SHIFT      0.02 /* of the smallest cell: the most that the volume moves the interface in a step, */
-#define BROKEN     0.1  /* and after drops have broken up: the neck that vanished is given back */
-#define GIVEN_BACK 3    /* steps */
+/* Of the smallest cell: the most that the volume moves the interface in a step. 1e-5 as a rule; more where drops of a
+   cell are lined up, necks have vanished, or interfaces are drawn anew beside bodies that they wet. */
+#define SHIFT      0.1
 #define PASSES     2
 #define MIN_VOLUME 0.01 /* of a cell: that a part has, folded as it may be */
 
@@ -98,7 +98,7 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, P
 
     for (PetscInt k = 0; k < f->s->n; k++) {
       const Drop     *d    = f->s->drop + k;
-      const PetscReal most = (f->broke ? BROKEN : SHIFT) * c->loc->h / PASSES;
+      const PetscReal most = SHIFT * c->loc->h / PASSES;
       PetscReal       shift;
       PhaseSums       sums;
 
@@ -230,9 +230,8 @@ static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
 
 PetscErrorCode DropsName(CoupleDrops *f, Couple c, PetscInt n, const PhaseInterface *now, PetscInt number[])
 {
-  const PetscInt before = f->s->broken;
-  PetscReal     *volume;
-  PetscBool      changed;
+  PetscReal *volume;
+  PetscBool  changed;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n, &volume));
@@ -243,7 +242,6 @@ PetscErrorCode DropsName(CoupleDrops *f, Couple c, PetscInt n, const PhaseInterf
     volume[i] = PetscMax(sums.area, MIN_VOLUME * PetscPowRealInt(c->loc->h, (int)c->loc->dim));
   }
   PetscCall(DropsInherit(f->drops, &f->interface, now, n, volume, number, &changed));
-  f->broke = f->s->broken > before ? GIVEN_BACK : PetscMax(0, f->broke - 1);
   if (!f->lined_up) PetscCall(DropsCheckStart(f, c, n, volume, number));
   PetscCheck(f->s->n || f->s->left, c->comm, PETSC_ERR_USER_INPUT,
              "The last drop has vanished at t = %g: it had no cell's middle in it any more: use smaller cells (-mesh_cells)",

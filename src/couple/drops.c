@@ -230,7 +230,6 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   if (dim == 2) PetscCall(visit_curve(state, &f->interface.curve));
   else PetscCall(DropsVisitSheet(state, &f->interface.sheet));
   PetscCall(StateInts(state, "drops_first_order", 1, &first));
-  PetscCall(StateInts(state, "drops_broke", 1, &f->broke));
   PetscCall(StateInts(state, "drops_lined_up", 1, &lined_up));
   f->first_order = (PetscBool)first;
   f->lined_up    = (PetscBool)lined_up;

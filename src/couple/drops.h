@@ -35,7 +35,6 @@ typedef struct CoupleDrops {
   AlignResult    result;
   Remap          remap;
   PetscBool      first_order; /* the last step was */
-  PetscInt       broke;       /* so many steps more give back what vanished where a drop broke up */
   PetscBool     *closed;      /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscBool      meets, met;  /* there are bodies that drops wet; drops know what of them is inside of these */
   PetscReal     *angle;       /* [groups of bodies] contact angle, 0: not wetted */

@@ -229,8 +229,7 @@ def test_floating_angle(run, scene):
         result = run([scene(LAYER), *FLOATS, "-output_dir", angle, "-sim_steps", "2", "-flow_solver", "balanced", "-particle_ball_contact_angle", angle + "deg"])
         assert result.status == 0, str(result)
         series, bodies, drops = (read_rows(result.folder / angle / f"{name}.csv") for name in ("series", "bodies", "drops"))
-        # the interface bends to the ball in the second step, which costs .3 % of the water (bound set after that was seen)
-        assert max(row["momentum_error"] for row in series) < 1e-11 and abs(drops[-1]["volume_error"]) < 5e-3
+        assert max(row["momentum_error"] for row in series) < 1e-11 and abs(drops[-1]["volume_error"]) < 1e-6
         assert max(abs(bodies[-1]["u"]), abs(bodies[-1]["w"])) < 2e-3
         speed.append(bodies[-1]["v"])
     assert speed[0] < speed[1] - 1e-3
