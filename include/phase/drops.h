@@ -22,6 +22,7 @@ typedef struct {
   PetscBool never;    /* its drops merge with none */
   PetscReal film;     /* thickness at which films between drops break, 0: that of a cell */
   PetscReal drainage; /* how long drops are neighbours before they merge */
+  PetscInt  carries;  /* the first group that carries what this one does, see DropsSetCarried */
 } DropGroup;
 
 /* Two drops that are near each other */
@@ -70,6 +71,9 @@ PetscErrorCode DropsView(Drops, PetscViewer);
    by a region; targets are the volumes in it. Collective. Errors: nothing of a drop is in the box; a region
    reaches over a period. */
 PetscErrorCode DropsStart(Drops, const PhaseBox *, PhaseCurve *);
+/* What a group carries, of another room, is made of the same as what `like` does, an earlier one or itself: drops of
+   groups that differ in that are of different fluids. Without it all are alike. Not collective. */
+void DropsSetCarried(Drops, PetscInt group, PetscInt like);
 /* Do drops wet walls? All of them or none, see DropsCreate. */
 PetscBool DropsWet(const DropsState *);
 /* In space, where there is no curve of the start, in a box (DropsStartBox, first): signed distances d [n] of x [n][3]

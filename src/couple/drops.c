@@ -292,6 +292,12 @@ static PetscErrorCode add_phases(const CoupleDrops *f, Couple c)
     phase[g] = (ScalarPhase){.name = f->s->group[g].name, .density = f->s->group[g].density};
   PetscCall(CoupleAddPhases(c, f->s->ngroups, phase));
   PetscCall(PetscFree(phase));
+  for (PetscInt g = 0; g < f->s->ngroups; g++) {
+    PetscInt like = 0;
+
+    while (!CouplePhasesAreAlike(c, like, g)) like++;
+    DropsSetCarried(f->drops, g, like);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

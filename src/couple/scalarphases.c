@@ -137,6 +137,20 @@ PetscErrorCode ScalarPhasesUpdate(ScalarPhases s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool ScalarPhasesAreAlike(ScalarPhases s, PetscInt a, PetscInt b)
+{
+  PetscBool alike = PETSC_TRUE;
+
+  for (PetscInt i = 0; i < s->n; i++) {
+    const ScalarMaterial *m = s->material + a * s->n + i, *k = s->material + b * s->n + i;
+
+    alike = (PetscBool)(alike && m->conductivity == k->conductivity && m->capacity == k->capacity &&
+                        m->source == k->source && m->decay == k->decay && m->expansion == k->expansion &&
+                        m->reference == k->reference);
+  }
+  return alike;
+}
+
 PetscErrorCode ScalarPhasesGetVelocity(ScalarPhases s, const PetscReal *V[])
 {
   PetscFunctionBeginUser;

@@ -31,6 +31,8 @@ PetscErrorCode ScalarPhasesUpdate(ScalarPhases);
 /* Weight of each local cell by scalar i, as part of the fluid's [ncell_all]; NULL: of all the fluid's. Borrowed until
    the next. Local. */
 const PetscReal *ScalarPhasesWeight(ScalarPhases, PetscInt i);
+/* As CouplePhasesAreAlike */
+PetscBool ScalarPhasesAreAlike(ScalarPhases, PetscInt a, PetscInt b);
 /* As of scalarbooks.h. Collective. */
 PetscErrorCode ScalarPhasesGiveBack(ScalarPhases, PetscInt i);
 PetscErrorCode ScalarPhasesCorrect(ScalarPhases, PetscInt i, PetscBool *again);
@@ -43,6 +45,8 @@ PetscErrorCode ScalarPhasesVisit(ScalarPhases, State);
 /* Once, before the first step; n 0: nodes move, and what is in there is the fluid. Collective. Errors: of
    ScalarPhasesCreate; there are rigid bodies too. */
 PetscErrorCode CoupleAddPhases(Couple, PetscInt n, const ScalarPhase phase[]);
+/* Have phases a and b the same numbers for all scalars, but for what they start with? Not collective. */
+PetscBool CouplePhasesAreAlike(Couple, PetscInt a, PetscInt b);
 /* In every step, when the mesh is that of the step, as ScalarPhasesSetCells. Local. */
 PetscErrorCode CoupleSetPhases(Couple, const PetscInt cell[], const PetscReal part[], const PetscReal V[]);
 /* Cells as last told are those that the scalars begin with, if they have not begun; without this, it is those of the

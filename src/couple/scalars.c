@@ -475,6 +475,11 @@ PetscErrorCode CoupleAddPhases(Couple c, PetscInt n, const ScalarPhase phase[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool CouplePhasesAreAlike(Couple c, PetscInt a, PetscInt b)
+{
+  return (PetscBool)(!c->scalars || ScalarPhasesAreAlike(c->scalars->phases, a, b));
+}
+
 PetscErrorCode CoupleSetPhases(Couple c, const PetscInt cell[], const PetscReal part[], const PetscReal V[])
 {
   PetscFunctionBeginUser;

@@ -137,6 +137,11 @@ PetscErrorCode DropsGetState(Drops d, DropsState **state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void DropsSetCarried(Drops d, PetscInt group, PetscInt like)
+{
+  d->group[group].carries = like;
+}
+
 PetscErrorCode DropsView(Drops d, PetscViewer viewer)
 {
   PetscFunctionBeginUser;

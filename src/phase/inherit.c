@@ -90,7 +90,8 @@ static PetscInt choose_old(const Descent *d, PetscInt part, const PetscBool take
 
 static PetscBool same_fluid(const DropGroup *g, const DropGroup *h)
 {
-  return (PetscBool)(g->density == h->density && g->viscosity == h->viscosity && g->tension == h->tension);
+  return (PetscBool)(g->density == h->density && g->viscosity == h->viscosity && g->tension == h->tension &&
+                     g->carries == h->carries);
 }
 
 /* Target and group of what becomes of an event, for a share of its volume */
@@ -106,7 +107,7 @@ static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, co
     if (root_of(d, o) != own) continue;
     PetscCheck(drop->group < 0 || same_fluid(&b->group[drop->group], &b->group[s->drop[o].group]), b->comm,
                PETSC_ERR_SUP,
-               "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give them the same density, viscosity and surface tension",
+               "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give them the same density, viscosity, surface tension and -particle_<group>_<scalar>_ materials (-particle_<group>_coalescence never)",
                b->group[PetscMax(0, drop->group)].name, b->group[s->drop[o].group].name);
     if (drop->group < 0) drop->group = s->drop[o].group;
     sum += s->drop[o].target;

@@ -138,3 +138,31 @@ def test_heat_where_drops_merge(run):
     at = next(i for i, row in enumerate(rows) if row["drops_merged"])
     assert rows[at]["scalar_content_heat"] == pytest.approx(rows[at - 1]["scalar_content_heat"], rel=5e-4)
     assert max(row["scalar_max_heat"] for row in rows) < 1.05 and min(row["scalar_min_heat"] for row in rows[1:]) > -0.02
+
+
+PRESSED = [ROOT / "runs" / "drops-coalesce.yaml", "-mesh_cells", "20,20", "-scalars", "heat", "-scalar_heat_conductivity", "0.02", "-sim_dt", "0.02", "-output_every", "0", "-output_dir", "out"]
+
+
+@pytest.mark.parametrize("options, merge", [(["-particle_left_heat_capacity", "2"], False), (["-particle_left_heat_initial", "1"], True)])
+def test_only_drops_of_one_material_merge(run, options, merge):
+    """Of one fluid, but of other capacities: refused where they meet, as different fluids are; with another heat of the same they merge."""
+    result = run([*PRESSED, *options, "-sim_time", "0.5"])
+    if merge:
+        assert result.status == 0 and read_rows(result.folder / "out" / "series.csv")[-1]["drops_merged"] == 1, str(result)
+    else:
+        assert result.status != 0 and "different fluids do not merge" in result.err, str(result)
+
+
+# A drop smaller than a cell, which a stream takes to where no cell's middle is in it
+VANISHES = ["-particle_groups", "p,q", "-particle_q_shape", "circle", "-particle_q_radius", "0.02", "-particle_q_position", "0.78,0.47", "-particle_q_density", "1", "-particle_q_material", "fluid",
+            "-particle_q_viscosity", "0.2", "-particle_q_surface_tension", "1", "-particle_q_dye_conductivity", "0.1", "-particle_q_dye_capacity", "3", "-particle_q_dye_initial", "1", "-particle_p_radius", "0.2",
+            "-particle_p_position", "0.3,0.5"]
+
+
+def test_heat_of_a_drop_that_vanishes(series):
+    """Of three times the capacity around: what it carried stays in the fluid"""
+    rows = series(CARRIED, *CARRIED_DROP, *VANISHES, "-sim_steps", "8")
+    at = next(i for i, row in enumerate(rows) if row["drop_volume_lost"] > 0)
+    for row in rows[at:]:
+        assert row["scalar_content_dye"] == pytest.approx(rows[at - 1]["scalar_content_dye"], rel=1e-4)
+        assert row["scalar_error_dye"] < 1e-10
