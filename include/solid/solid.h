@@ -49,10 +49,12 @@ typedef struct {
   PetscReal         time_dt;               /* length of the last step, 0: none so far */
 } SolidsState;
 
-/* Solids of a scene are membranes all of them, or none (SolidsCreate) */
-static inline PetscBool SolidsAreMembranes(const SolidsState *s)
+/* Is some of them a membrane, or (false) something else? */
+static inline PetscBool SolidsHave(const SolidsState *s, PetscBool membrane)
 {
-  return s->group[0].membrane;
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    if (s->group[g].membrane == membrane) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 typedef struct _p_Solids *Solids;

@@ -151,6 +151,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(PetscFree(e->volumes.C));
   PetscCall(PetscFree(e->volumes.g));
   PetscCall(PetscFree(e->contacts.list));
+  PetscCall(PetscFree(e->within));
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -354,11 +355,13 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
     b->size += PetscAbsReal(e->load[i]) + c->par->density * PetscAbsReal(e->change[i]);
   }
   /* a membrane has no mass and pushes nothing as a whole: the pull across a cut through its middle, about */
-  for (PetscInt k = 0; k < e->s->n && SolidsAreMembranes(e->s); k++) {
-    SolidSums sums;
+  for (PetscInt k = 0; k < e->s->n; k++) {
+    const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
+    SolidSums        sums;
 
+    if (!SolidIsMembrane(m)) continue;
     SolidsMeasure(e->solids, k, &sums);
-    b->size += sums.strain_energy / e->s->group[e->s->group_of[k]].mesh.radius;
+    b->size += sums.strain_energy / m->radius;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -512,8 +515,11 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
   e->aligned = method->moves_nodes;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(e->s->dim == 2 || !SolidsAreMembranes(e->s), c->comm, PETSC_ERR_SUP,
+  PetscCheck(e->s->dim == 2 || !SolidsHave(e->s, PETSC_TRUE), c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: in space the mesh is not lined up with membranes: use -couple_method penalty, which immerses them");
+  PetscCheck(!SolidsHave(e->s, PETSC_TRUE) || !SolidsHave(e->s, PETSC_FALSE), c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned: the mesh is lined up with membranes or with elastic solids, not with both: use -couple_method penalty, which immerses "
+             "them");
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCheck(still, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
@@ -522,7 +528,7 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCheck(!e->rebase || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
              "elastic ones");
-  e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsAreMembranes(e->s));
+  e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsHave(e->s, PETSC_TRUE));
   for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
   PetscCall(OptBool("-couple_anchored", &e->anchored));
   PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,

@@ -94,6 +94,7 @@ typedef struct Elastic {
   PetscInt          immersed_steps;
   ElasticOnce       once;
   ElasticContacts   contacts;
+  PetscBool        *within; /* [solids][solids] does the first start in the second, a membrane? NULL: there is none */
   ElasticVolumes    volumes;
   ElasticTensions   tensions;
   PetscReal         supplied; /* power of what prescribes velocities against the force of solids there, all ranks */

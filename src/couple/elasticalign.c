@@ -109,7 +109,7 @@ static AlignResult fluid_of(const ElasticAlign f)
 {
   AlignResult fluid = f->result;
 
-  if (SolidsAreMembranes(f->s)) fluid.cell_surface = fluid.cell_before = f->none;
+  if (SolidsHave(f->s, PETSC_TRUE)) fluid.cell_surface = fluid.cell_before = f->none;
   return fluid;
 }
 
@@ -143,7 +143,7 @@ static PetscErrorCode set_labels(ElasticAlign f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(f->flow, &par));
-  for (PetscInt k = 0; k < f->s->n && !SolidsAreMembranes(f->s); k++) any = (PetscBool)(any || f->aligned[k]);
+  for (PetscInt k = 0; k < f->s->n && SolidsHave(f->s, PETSC_FALSE); k++) any = (PetscBool)(any || f->aligned[k]);
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     f->label[c]   = f->result.cell_surface[c];
     f->density[c] = f->label[c] >= 0 ? 0 : par->density;

@@ -188,12 +188,13 @@ static PetscErrorCode mark_boundaries(Couple c, PetscInt on[])
 
 /* ---- solids and bodies ---- */
 
-/* Another solid, or an image of any in a periodic box */
-static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal size, const Gap *which, Gap *best)
+/* Another solid, or an image of any in a periodic box; a membrane that the solid started in from within */
+static PetscErrorCode check_solids(const Elastic *e, Couple c, PetscReal size, const Gap *which, Gap *best)
 {
-  const MeshLocal *l    = c->loc;
-  const PetscInt   n[3] = {l->period[0] > 0 ? 1 : 0, l->period[1] > 0 ? 1 : 0, l->dim == 3 && l->period[2] > 0 ? 1 : 0};
-  Gap              at   = *which;
+  const AlignSurfaces *t = ElasticSurfacesGet(e->surfaces);
+  const MeshLocal     *l = c->loc;
+  const PetscInt n[3] = {l->period[0] > 0 ? 1 : 0, l->period[1] > 0 ? 1 : 0, l->dim == 3 && l->period[2] > 0 ? 1 : 0};
+  Gap            at   = *which;
 
   PetscFunctionBeginUser;
   at.kind = TO_SOLID;
@@ -209,6 +210,7 @@ static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal s
         image[a] = own[a] + MeshNearest(l, a, other[a] - own[a]) + (PetscReal)to[a] * l->period[a];
       if (distance2(l->dim, at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
       PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
+      if (e->within && e->within[at.solid * t->n + at.other]) d = -d;
       if (!is_narrower(d, size, best)) continue;
       for (PetscInt a = 0; a < 3; a++) at.away[a] = image[a] - other[a];
       for (PetscInt a = 0; a < 3; a++) x[a] = at.x[a] - at.away[a];
@@ -243,6 +245,28 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
     at.other = c->s->body_group[k];
     at.body  = k;
     note(best, d, size, y, &at);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Once: which solid starts in which membrane, and has it around */
+static PetscErrorCode find_within(Elastic *e)
+{
+  const SolidsState   *s = e->s;
+  const AlignSurfaces *t = ElasticSurfacesGet(e->surfaces);
+
+  PetscFunctionBeginUser;
+  if (e->within || !SolidsHave(s, PETSC_TRUE)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ElasticSurfacesSet(e->surfaces, s->X));
+  PetscCall(PetscCalloc1(s->n * s->n, &e->within));
+  for (PetscInt i = 0; i < s->n * s->n; i++) {
+    const PetscInt k = i / s->n, other = i % s->n;
+    PetscReal      d = 0;
+
+    if (k == other || !s->group[s->group_of[other]].membrane) continue;
+    if (distance2(s->dim, t->centre[k], t->centre[other]) < PetscSqr(t->radius[other]))
+      PetscCall((*t->distance)(t->ctx, other, t->centre[other], 1, s->X + s->dim * s->first[k], &d));
+    e->within[i] = (PetscBool)(d < 0);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -322,7 +346,7 @@ static PetscErrorCode look_around(Elastic *e, Couple c, const PetscInt on[], Pet
   if (is_near_clamp(g, side[j], size)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt kind = 0; kind < NKIND; kind++) best[kind] = (Gap){.cells = 1};
   PetscCall(check_boundary(c, cell, on, size, &at, &best[TO_BOUNDARY]));
-  PetscCall(check_solids(c, ElasticSurfacesGet(e->surfaces), size, &at, &best[TO_SOLID]));
+  PetscCall(check_solids(e, c, size, &at, &best[TO_SOLID]));
   PetscCall(check_bodies(c, size, &at, &best[TO_BODY]));
   for (PetscInt kind = 0; kind < NKIND; kind++) {
     if (best[kind].cells >= 1) continue;
@@ -358,6 +382,7 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
   e->contacts.n = 0;
   PetscCall(PetscMalloc1(c->loc->nnode_all, &on));
   PetscCall(mark_boundaries(c, on));
+  PetscCall(find_within(e));
   PetscCall(ElasticSurfacesSet(e->surfaces, e->x));
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m = &s->group[s->group_of[k]].mesh;

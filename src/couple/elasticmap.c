@@ -272,15 +272,19 @@ static PetscBool is_strained(const Elastic *e, Couple c, PetscInt k)
 
 PetscErrorCode ElasticPredict(Elastic *e, Couple c)
 {
-  const SolidsState *s    = e->s;
-  const FlowStep    *step = c->step;
-  const PetscReal ratio = step->order == 2 && !SolidsAreMembranes(s) && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  const SolidsState *s     = e->s;
+  const FlowStep    *step  = c->step;
+  const PetscReal    ratio = step->order == 2 && step->dt_old > 0 ? step->dt / step->dt_old : 0;
 
   PetscFunctionBeginUser;
   if (s->time_dt == 0 && !e->once.started) PetscCall(start_with_flow(e, c));
-  for (PetscInt i = 0; i < s->nnode * s->dim; i++) {
-    e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
-    e->x[i] = e->a[i] + (s->u[i] + ratio * (s->u[i] - s->u_old[i])) / step->ct;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal more = s->group[s->group_of[k]].membrane ? 0 : ratio;
+
+    for (PetscInt i = s->dim * s->first[k]; i < s->dim * s->first[k + 1]; i++) {
+      e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
+      e->x[i] = e->a[i] + (s->u[i] + more * (s->u[i] - s->u_old[i])) / step->ct;
+    }
   }
   for (PetscInt k = 0; k < s->n; k++)
     if (is_strained(e, c, k)) PetscCall(SolidsRelax(e->solids, k, 1 / step->ct, e->x + s->dim * s->first[k]));

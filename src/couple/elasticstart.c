@@ -84,6 +84,12 @@ static PetscErrorCode take_velocity(Couple c, const Inner *k, const PetscReal be
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Was the group given a velocity, and is there fluid inside that takes it? */
+static PetscBool starts_inside(const Elastic *e, const SolidGroup *g)
+{
+  return (PetscBool)(g->start && (g->membrane || !e->aligned));
+}
+
 PetscErrorCode ElasticStartInside(Elastic *e, Couple c, const PetscReal before[], PetscReal u[], PetscBool *any)
 {
   const SolidsState   *s     = e->s;
@@ -93,8 +99,8 @@ PetscErrorCode ElasticStartInside(Elastic *e, Couple c, const PetscReal before[]
   ElementTables        tables;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || s->group[g].start);
-  if (!mine || (e->aligned && !SolidsAreMembranes(s))) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || starts_inside(e, s->group + g));
+  if (!mine) PetscFunctionReturn(PETSC_SUCCESS);
   *any = PETSC_TRUE;
   PetscCall(ElementCreate(s->dim, &tables));
   PetscCall(ElasticSurfacesSet(e->surfaces, s->x));
@@ -104,7 +110,7 @@ PetscErrorCode ElasticStartInside(Elastic *e, Couple c, const PetscReal before[]
     const PetscReal  *inside;
     Inner             inner;
 
-    if (!g->start) continue;
+    if (!starts_inside(e, g)) continue;
     PetscCall(ElasticInsideFind(t, k, &inside));
     inner = (Inner){.tables = &tables,
                     .inside = inside,

@@ -403,7 +403,7 @@ static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
 static PetscBool is_compliant(const Elastic *e, Couple c)
 {
   const PetscReal bdt       = 1 / c->step->ct;
-  PetscBool       compliant = (PetscBool)(!e->align || SolidsAreMembranes(e->s));
+  PetscBool       compliant = (PetscBool)(!e->align || !SolidsHave(e->s, PETSC_FALSE));
 
   for (PetscInt g = 0; g < e->s->ngroups; g++) {
     const SolidGroup *group     = e->s->group + g;
@@ -430,7 +430,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
   PetscCall(ElasticTensionsSet(e, c));
-  if (e->align && !SolidsAreMembranes(e->s)) PetscCall(assemble_inertia(e, c));
+  if (e->align && SolidsHave(e->s, PETSC_FALSE)) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
                             &(FlowOperator){.E         = e->E,
                                             .lumped    = e->align ? e->lumped : NULL,

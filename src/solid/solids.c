@@ -186,9 +186,6 @@ static PetscErrorCode list_groups(Solids b)
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
     b->group[g].material.law = list[g].material == MATERIAL_NEO_HOOKEAN ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
     b->group[g].membrane     = (PetscBool)(list[g].material == MATERIAL_MEMBRANE);
-    PetscCheck(b->group[g].membrane == b->group[0].membrane, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "-particle_%s_material: membranes and elastic solids in one scene are not there yet: give '%s' and '%s' the same kind of material",
-               list[g].name, list[0].name, list[g].name);
     PetscCall(PetscStrncpy(b->group[g].name, list[g].name, sizeof(b->group[g].name)));
   }
   PetscCall(PetscFree(list));

@@ -24,11 +24,23 @@ output: {every: 0}
 """
 ALIGNED = PLANE.replace("particle:", "couple: {method: aligned}\nparticle:").replace("surface_modulus: 5", "surface_modulus: 5, bending: 0.3")
 THICK = [text.replace("surface_modulus: 5", "surface_modulus: 5, viscosity: 5").replace("surface_modulus: 3", "surface_modulus: 3, viscosity: 0.3") for text in (PLANE, ALIGNED, SPACE)]
+MIXED = """mesh: {cells: [10, 14], upper: [2, 2.8]}
+flow: {density: 1, viscosity: 0.5, gravity: [0, -10], time: bdf2, solver: direct}
+particle:
+  groups: skin, nucleus, soft, hard
+  skin: {shape: circle, radius: 0.5, position: [0.95, 0.8], material: membrane, surface_modulus: 3, bending: 0.05}
+  nucleus: {shape: circle, radius: 0.2, position: [0.93, 0.82], material: neo_hookean, shear_modulus: 20, density: 3}
+  soft: {shape: circle, radius: 0.25, position: [1.05, 1.6], material: neo_hookean, shear_modulus: 20, density: 3}
+  hard: {shape: circle, radius: 0.25, density: 3, position: [0.9, 2.2]}
+sim: {dt: 0.02, steps: 20}
+output: {every: 0}
+monitor: {energy: true}
+"""
 HELD = [text.replace("material: membrane", "material: membrane, global_area_modulus: 300") for text in (PLANE, ALIGNED, SPACE)]
 SCENES = pytest.mark.parametrize(
     "text",
-    [PLANE, ALIGNED, SPACE, *THICK, *HELD],
-    ids=["plane", "aligned", "space", "plane-inner", "aligned-inner", "space-inner", "plane-held", "aligned-held", "space-held"],
+    [PLANE, ALIGNED, SPACE, *THICK, *HELD, MIXED],
+    ids=["plane", "aligned", "space", "plane-inner", "aligned-inner", "space-inner", "plane-held", "aligned-held", "space-held", "mixed"],
 )
 VESICLE = """mesh: {cells: [16, 16], lower: [-2, -2], upper: [2, 2]}
 flow: {density: 1e-3, viscosity: 1, convection: false, time: bdf2, solver: direct}
@@ -70,6 +82,22 @@ def test_restart(run, scene, text):
         assert column.startswith("seconds") or again[column] == whole[column], column
 
 
+def test_beside_solids_and_rigid_bodies(run, scene):
+    """A capsule with an elastic nucleus, an elastic disc and a rigid one sink, and the two above come down on it: it keeps its area, is drawn out, and books of momentum and energy close."""
+    first, *_, last = series = rows(run, scene(MIXED), "-sim_steps", "60")
+    assert max(row["momentum_error"] for row in series) < 1e-11
+    assert all(abs(last[f"solid_volume_error_{name}"]) < 1e-12 for name in ("skin", "nucleus", "soft"))
+    assert last["solid_y_nucleus"] < first["solid_y_nucleus"] and last["solid_taylor_skin"] > 0.02
+    lost = sum(last[name] - first[name] for name in ("energy_dissipated", "energy_boundary", "energy_scheme"))
+    assert last["energy"] - first["energy"] == pytest.approx(last["energy_supplied"] - first["energy_supplied"] - lost, abs=1e-2 * lost)
+
+
+def test_beside_solids_aligned(run, scene):
+    """Lined up with both kinds: one error."""
+    result = run([scene(MIXED.replace("density: 3, position: [0.9, 2.2]", "density: 3, position: [0.9, 2.2], free: none")), "-output_dir", "out", "-couple_method", "aligned"])
+    assert result.status and "not with both" in result.err and result.err.count("error:") == 1, str(result)
+
+
 @pytest.mark.parametrize("text", [PLANE, ALIGNED], ids=["plane", "aligned"])
 def test_weightless(run, scene, text):
     """The fluid on both sides has no net force on a skin without mass, under gravity neither."""
@@ -99,7 +127,6 @@ def test_refusals(run, scene, options, message):
     [
         (["-couple_method", "aligned"], "immerses them"),
         (["-particle_skin_shape", "torus", "-particle_skin_tube", "0.1"], "its own centroid"),
-        (["-particle_groups", "skin,soft", "-particle_soft_shape", "circle", "-particle_soft_radius", "0.1", "-particle_soft_position", "0.2,0.2,0.2", "-particle_soft_material", "neo_hookean", "-particle_soft_shear_modulus", "1"], "the same kind of material"),
     ],
 )
 def test_refusals_in_space(run, scene, options, message):
