@@ -19,6 +19,7 @@ typedef struct {
    angles inside drops of what is nearest (NULL: not wanted). */
 typedef struct {
   void     *ctx;
-  PetscReal h; /* a length, about a cell */
+  PetscReal h;       /* a length, about a cell */
+  PetscBool mirrors; /* walls are, that interfaces end on (in space) */
   PetscErrorCode (*distance)(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[]);
 } PhaseSolid;

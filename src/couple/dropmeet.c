@@ -112,10 +112,20 @@ static void predict_insides(DropsState *s)
   }
 }
 
+/* Are walls mirrors for all that wets them: is its contact angle a right one? */
+static PetscBool walls_mirror(const DropsState *s)
+{
+  PetscBool all = PETSC_TRUE;
+
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    all = (PetscBool)(all && (!s->group[g].wets || PetscAbsReal(PetscCosReal(s->group[g].contact)) < PETSC_SMALL));
+  return all;
+}
+
 PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 {
   WettedBodies s     = {.c = c, .f = f};
-  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .distance = distance};
+  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .mirrors = walls_mirror(f->s), .distance = distance};
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);

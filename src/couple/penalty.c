@@ -5,7 +5,10 @@
 #include "base/array.h"
 #include "base/rigid.h"
 #include "bodies/local.h"
+#include "flow/condition.h"
 #include "flow/device.h"
+
+#define MIRROR 100
 
 struct _p_Penalty {
   MPI_Comm         comm;
@@ -55,14 +58,23 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 
 /* ---- strong nodes ---- */
 
-/* Nodes all of whose cells lie inside the same body. Parts are ordered by body, so counting restarts with each. */
+/* Is a node on a wall on which it slips? It is no body's in the constraint then. */
+static PetscBool slips(Penalty p, const unsigned char fixed[], PetscInt node)
+{
+  return (PetscBool)(fixed[node] && fixed[node] != (1 << p->loc->dim) - 1);
+}
+
+/* Nodes all of whose cells lie inside the same body, but those that slip, on mirrors: the penalty holds them, MIRROR
+   times as stiff. Parts are ordered by body, so counting restarts with each. */
 static PetscErrorCode assign_strong_nodes(Penalty p, Indicator indicator)
 {
-  const MeshLocal *l = p->loc;
-  const CutCell   *cut;
-  PetscInt         ncut;
+  const MeshLocal     *l = p->loc;
+  const unsigned char *fixed;
+  const CutCell       *cut;
+  PetscInt             ncut;
 
   PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, NULL));
   PetscCall(CutCellsGet(p->cut_cells, &ncut, &cut));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     p->strong[i] = -1;
@@ -76,7 +88,8 @@ static PetscErrorCode assign_strong_nodes(Penalty p, Indicator indicator)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt i = l->cell_node[cut[t].cell * l->nb + j];
 
-        if (++p->count[i] == l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] && i < l->nnode && p->strong[i] < 0)
+        if (++p->count[i] == l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] && i < l->nnode && p->strong[i] < 0 &&
+            !slips(p, fixed, i))
           p->strong[i] = k;
       }
     }
@@ -213,21 +226,25 @@ static PetscErrorCode hand_over(Penalty p)
    penalty of a rigid motion is zero anyway */
 static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
 {
-  const MeshLocal *l  = p->loc;
-  const PetscInt   nb = l->nb, *node = l->cell_node + cut->cell * nb;
-  const PetscReal *moment;
-  PetscReal       *pen, scale, sigma = 0, stiff = 1;
-  PetscBool        strong[MESH_MAX_NB], any = PETSC_FALSE, all = PETSC_TRUE;
+  const MeshLocal     *l  = p->loc;
+  const PetscInt       nb = l->nb, *node = l->cell_node + cut->cell * nb;
+  const unsigned char *fixed;
+  const PetscReal     *moment;
+  PetscReal           *pen, scale, sigma = 0, stiff = 1;
+  PetscBool            strong[MESH_MAX_NB], any = PETSC_FALSE, all = PETSC_TRUE, mirror = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, NULL));
   for (PetscInt j = 0; j < nb; j++) {
     strong[j] = (PetscBool)(p->strong[node[j]] == cut->body);
     any       = (PetscBool)(any || strong[j]);
     all       = (PetscBool)(all && strong[j]);
+    mirror    = (PetscBool)(mirror || (cut->moments < 0 && slips(p, fixed, node[j])));
   }
   if (all) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_strength(p, cut->cell, &sigma, &stiff));
   p->penalty_term.strength = PetscMax(p->penalty_term.strength, sigma / stiff);
+  if (mirror) sigma *= MIRROR;
   PetscCall(ArrayReserve(p->nterm + 1, &p->term_capacity, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
                          sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;

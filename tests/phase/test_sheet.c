@@ -236,19 +236,23 @@ static void test_meet_plane(void **state)
   }
 }
 
-/* A ball that a plane wall cuts off at its contact angle */
+/* A ball that a plane wall, and one that another ball cuts off at its contact angle */
 static void test_meet_ball(void **state)
 {
   (void)state;
   for (PetscInt degrees = 30; degrees <= 150; degrees += 30) {
-    const PetscReal angle = (PetscReal)degrees * PETSC_PI / 180;
-    const Ellipsoid of    = {{0, 0, 0}, {1, 1, 1}, 1};
-    Solid           floor = {.centre = {0, PetscCosReal(angle), 0}, .angle = angle};
-    PhaseSheet      c;
+    const PetscReal angle    = (PetscReal)degrees * PETSC_PI / 180;
+    const Ellipsoid of       = {{0, 0, 0}, {1, 1, 1}, 1};
+    Solid           solid[2] = {{.centre = {0, PetscCosReal(angle), 0}, .angle = angle},
+                                {.centre = {0, -2 * PetscSinReal(angle / 2), 0}, .radius = 1, .angle = angle}};
 
-    assert_true(!make(1, &of, NULL, 0, &c));
-    BELOW(meet(&c, &floor, H, 1) / H, degrees < 150 ? 0.05 : 0.12); /* set after .047 and .117 were seen */
-    (void)PhaseSheetDestroy(&c);
+    for (PetscInt i = 0; i < 2; i++) {
+      PhaseSheet c;
+
+      assert_true(!make(1, &of, NULL, 0, &c));
+      BELOW(meet(&c, solid + i, H, 1) / H, degrees < 150 ? 0.015 : 0.03); /* set after .0126 and .027 were seen */
+      (void)PhaseSheetDestroy(&c);
+    }
   }
 }
 

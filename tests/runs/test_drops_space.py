@@ -2,6 +2,8 @@
 
 import math
 
+import h5py
+import numpy as np
 import pytest
 
 from conftest import ROOT, read_rows
@@ -233,6 +235,17 @@ def test_floating_angle(run, scene):
         assert max(abs(bodies[-1]["u"]), abs(bodies[-1]["w"])) < 2e-3
         speed.append(bodies[-1]["v"])
     assert speed[0] < speed[1] - 1e-3
+
+
+def test_floating_quarter(run, scene):
+    """A quarter of the ball between mirrors: what fluid is inside of it moves with it there too (before the penalty held it, .025 against it)."""
+    options = ["-mesh_cells", "5,7,5", "-mesh_lower", "0,-0.5,0", "-particle_ball_density", "0.325", "-particle_ball_contact_angle", "90deg", "-particle_ball_free", "y"]
+    result = run([scene(LAYER), *FLOATS, *options, "-output_dir", "out", "-sim_steps", "2", "-flow_solver", "balanced", "-output_every", "2"])
+    assert result.status == 0, str(result)
+    assert read_rows(result.folder / "out" / "series.csv")[-1]["momentum_error"] < 1e-9
+    mesh, fields, bodies = (h5py.File(result.folder / "out" / f"{name}_2.h5") for name in ("mesh", "fields", "bodies"))
+    inside = np.linalg.norm(mesh["coordinates"][:] - bodies["position"][0], axis=1) < 0.15
+    assert inside.sum() > 10 and np.abs(fields["velocity"][:][inside] - bodies["velocity"][0]).max() < 1e-3
 
 
 def test_floating_energy(run, scene):
