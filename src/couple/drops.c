@@ -158,8 +158,8 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
     const DropGroup *g    = f->s->group + drop->group;
     const PetscReal  more = g->density - c->par->density;
 
-    /* the pull across a cut through the middle, about: a length in space */
-    b->size += g->tension * (dim == 2 ? drop->sums.length : PetscSqrtReal(PETSC_PI * drop->sums.length)) +
+    /* the pull across a cut through the middle, about: at two points, in space along a line */
+    b->size += g->tension * (dim == 2 ? 2 : PetscSqrtReal(PETSC_PI * drop->sums.length)) +
                PetscAbsReal(more * drop->sums.area) * PetscSqrtReal(gravity);
   }
   for (PetscInt a = 0; a < dim; a++) {

@@ -206,15 +206,20 @@ static PetscErrorCode mult_jacobian(Mat J, Vec x, Vec y)
 
 static PetscErrorCode create_snes(Steady s, const char rtol[])
 {
-  KSP      ksp;
-  PC       pc;
-  PetscInt n;
+  SNESLineSearch search;
+  KSP            ksp;
+  PC             pc;
+  PetscInt       n;
 
   PetscFunctionBeginUser;
   PetscCall(OptDefault("-flow_snes_rtol", rtol));
   PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
   PetscCall(SNESCreate(s->comm, &s->snes));
   PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
+  /* The longest step of PETSc's line search is 1e8 whatever the units: in those where unknowns are large it damps all */
+  PetscCall(SNESGetLineSearch(s->snes, &search));
+  PetscCall(SNESLineSearchSetTolerances(search, PETSC_DEFAULT, PETSC_MAX_REAL, PETSC_DEFAULT, PETSC_DEFAULT,
+                                        PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESSetFunction(s->snes, NULL, SteadyEvaluate, s));
   PetscCall(VecGetLocalSize(s->x, &n));
   PetscCall(MatCreateShell(s->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, s, &s->jacobian));

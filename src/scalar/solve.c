@@ -83,17 +83,29 @@ PetscErrorCode ScalarsPredict(Scalars all, PetscInt i, const PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Size of what the equations balance */
-static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *size)
+/* Size of what the rows of free nodes balance, from r, what is left of them at x. Those of nodes that have a value are not
+   in it: they are values, of other units, and would say how well the others are solved. */
+static PetscErrorCode find_size(Scalars all, Scalar *s, Vec x, Vec r, Vec work, PetscReal *size)
 {
-  PetscReal norm;
+  const PetscReal *v[2], *d;
+  PetscReal        sum[3] = {0, 0, 0}; /* squares: of the diagonal times the solution, right-hand sides, what is left */
 
   PetscFunctionBeginUser;
   PetscCall(MatGetDiagonal(s->A, work));
-  PetscCall(VecPointwiseMult(work, work, x));
-  PetscCall(VecNorm(work, NORM_2, size));
-  PetscCall(VecNorm(b, NORM_2, &norm));
-  *size += norm;
+  PetscCall(VecGetArrayRead(work, &d));
+  PetscCall(VecGetArrayRead(x, v));
+  PetscCall(VecGetArrayRead(r, v + 1));
+  for (PetscInt i = 0; i < all->loc->nnode; i++) {
+    if (!ScalarIsFree(s, i)) continue;
+    sum[0] += PetscSqr(d[i] * v[0][i]);
+    sum[1] += PetscSqr(s->rhs[i]);
+    sum[2] += PetscSqr(v[1][i]);
+  }
+  PetscCall(VecRestoreArrayRead(r, v + 1));
+  PetscCall(VecRestoreArrayRead(x, v));
+  PetscCall(VecRestoreArrayRead(work, &d));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
+  *size = PetscSqrtReal(sum[0]) + PetscSqrtReal(sum[1]) + PetscSqrtReal(sum[2]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,9 +311,9 @@ static PetscErrorCode solve_linear(Scalars all, Scalar *s, KSPConvergedReason *r
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->rhs, &b));
   PetscCall(VecDuplicate(b, &r));
   PetscCall(VecDuplicate(b, &dx));
-  PetscCall(find_size(s, x, b, r, &size));
   PetscCall(MatMult(ScalarGetProduct(s), x, r));
   PetscCall(VecAYPX(r, -1, b));
+  PetscCall(find_size(all, s, x, r, dx, &size));
   PetscCall(VecNorm(r, NORM_2, &norm));
   if (all->step.ct == 0) norm = 0;
   PetscCall(
