@@ -1,5 +1,6 @@
 /* Tables: what is in the files of a run, in print (runs/reference/OUTPUT.md, -help output). */
 #include "compat.h"
+#include "report/eventtable.h"
 #include "report/monitor.h"
 #include "report/statistics.h"
 #include "report/suspension.h"
@@ -138,6 +139,10 @@ void MonitorPrintTables(FILE *file)
   print_columns(file,
                 "bodies.csv: a line a step and body; or table_<step>.h5: a dataset [bodies] each but step and time [1] (-output_bodies_format)",
                 MONITOR_BODIES);
+  print_columns(file, "drops.csv in the plane, where particles are fluid: a line a step and drop", EVENT_DROPS);
+  print_columns(file, "drops.csv in space", EVENT_DROPS_SPACE);
+  print_columns(file, "bonds.csv, with -contact_bond_law: a line a bond that forms or breaks", EVENT_BONDS);
+  print_columns(file, "aggregates.csv, likewise: a line a step in which one does", EVENT_AGGREGATES);
   print_columns(file, "pairs_<step>.csv, with -output_suspension at snapshots and after the last step",
                 SUSPENSION_PAIRS);
   print_columns(file, "profile_<step>.csv, likewise: a line a slab", SUSPENSION_PROFILE);

@@ -8,10 +8,6 @@
 #include "report/bondfields.h"
 #include "report/eventtable.h"
 
-static const char BONDS_HEADING[] = "time,event,body,partner,tension,shear,twist,bending,x,y,z\n";
-static const char AGGREGATES_HEADING
-  [] = "time,bonds,aggregates,single,mean_size,largest,radius_of_gyration,fractal_dimension,coordination\n";
-
 struct _p_BondReport {
   MPI_Comm    comm;
   Bodies      bodies;
@@ -73,8 +69,8 @@ static PetscErrorCode open_tables(BondReport r, PetscReal time)
   PetscFunctionBeginUser;
   if (r->opened) PetscFunctionReturn(PETSC_SUCCESS);
   r->opened = PETSC_TRUE;
-  PetscCall(EventTableOpen(r->comm, r->dir, "bonds.csv", BONDS_HEADING, time, &r->events));
-  PetscCall(EventTableOpen(r->comm, r->dir, "aggregates.csv", AGGREGATES_HEADING, time, &r->aggregates));
+  PetscCall(EventTableOpen(r->comm, r->dir, "bonds.csv", EVENT_BONDS, time, &r->events));
+  PetscCall(EventTableOpen(r->comm, r->dir, "aggregates.csv", EVENT_AGGREGATES, time, &r->aggregates));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

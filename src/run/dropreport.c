@@ -12,10 +12,6 @@
 #define REMARKABLE 1e-3 /* error of a volume, */
 #define AFTER      10   /* so many steps after an event */
 
-static const char
-  HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle,wetted\n",
-  SPACE[]   = "time,drop,group,volume,volume_error,x,y,z,u,v,w,area,sphericity,deformation,axis_x,axis_y,axis_z\n";
-
 enum {
   DROPS,
   MERGED,
@@ -135,8 +131,8 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
   if (!r->opened)
-    PetscCall(
-      EventTableOpen(r->comm, r->dir, "drops.csv", r->dim == 2 ? HEADING : SPACE, step > 1 ? time : 0, &r->table));
+    PetscCall(EventTableOpen(r->comm, r->dir, "drops.csv", r->dim == 2 ? EVENT_DROPS : EVENT_DROPS_SPACE,
+                             step > 1 ? time : 0, &r->table));
   r->opened = PETSC_TRUE;
   for (PetscInt k = 0; k < r->s->n; k++) {
     if (!r->rank) write_drop(r, time, r->s->drop + k);
