@@ -12,6 +12,7 @@
 #include "bondalone.h"
 #include "base/array.h"
 #include "base/log.h"
+#include "base/pivots.h"
 #include "base/rigid.h"
 #include "base/sparse.h"
 #include "bodies/local.h"
@@ -214,6 +215,7 @@ static PetscErrorCode solve_springs(PetscInt n, const AloneSpring spring[], Pets
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLU));
+  PetscCall(PivotsOfAnySize(ksp));
   PetscCall(KSPSetOperators(ksp, A, A));
   PetscCall(KSPSolve(ksp, b, x));
   PetscCall(PetscMalloc1(rows, y));

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "elasticale.h"
 #include "base/algebra.h"
+#include "base/pivots.h"
 #include "fem/element.h"
 #include "fem/gauss.h"
 #include <petscksp.h>
@@ -241,6 +242,7 @@ static PetscErrorCode create_solver(ElasticAle f)
   PetscCall(KSPSetType(f->ksp, KSPPREONLY));
   PetscCall(KSPGetPC(f->ksp, &pc));
   PetscCall(PCSetType(pc, PCLU));
+  PetscCall(PivotsOfAnySize(f->ksp));
   if (size > 1) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(KSPSetOperators(f->ksp, f->L, f->L));
   PetscCall(KSPSetFromOptions(f->ksp));

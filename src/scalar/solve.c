@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "base/pivots.h"
 
 #define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
 #define CANCEL    1e-3  /* of their sizes: what sources and fluxes of a steady scalar may miss to cancel */
@@ -251,6 +252,7 @@ static PetscErrorCode solve_once(Scalars all, Scalar *s, PetscReal size, Vec r, 
   for (PetscInt attempt = 0; attempt < 2; attempt++) {
     PetscCall(KSPSetReusePreconditioner(v->ksp, keep));
     PetscCall(KSPSetOperators(v->ksp, ScalarGetProduct(s), s->lumps ? s->lump_rows : s->A));
+    if (v->kind == SCALAR_SOLVER_ILU || v->kind == SCALAR_SOLVER_DIRECT) PetscCall(PivotsOfAnySize(v->ksp));
     PetscCall(KSPSetTolerances(v->ksp, 1e-15, PetscMax(size, PETSC_MIN_REAL), 1e100, keep ? v->first + cost : 500));
     PetscCall(KSPSolve(v->ksp, r, dx));
     PetscCall(KSPGetConvergedReason(v->ksp, reason));

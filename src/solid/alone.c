@@ -3,6 +3,7 @@
    with d = a = 0 and few steps. */
 #include "compat.h"
 #include "impl.h"
+#include "base/pivots.h"
 
 #define MAX_IT  60
 #define TOL     1e-10 /* of a correction, in sizes of the solid */
@@ -45,6 +46,7 @@ static PetscErrorCode create_newton(const SolidMesh *m, SolidNewton *w)
   PetscCall(KSPSetType(w->ksp, KSPPREONLY));
   PetscCall(KSPGetPC(w->ksp, &pc));
   PetscCall(PCSetType(pc, PCLU));
+  PetscCall(PivotsOfAnySize(w->ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

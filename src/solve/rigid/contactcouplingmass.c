@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "contactcouplingimpl.h"
 #include "base/algebra.h"
+#include "base/pivots.h"
 #include "base/sparse.h"
 
 #define AS_EXACT 1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
@@ -170,6 +171,7 @@ static PetscErrorCode end_system(SpringSystem *s)
     PetscCall(KSPSetType(s->ksp, KSPPREONLY));
     PetscCall(KSPGetPC(s->ksp, &pc));
     PetscCall(PCSetType(pc, PCLU));
+    PetscCall(PivotsOfAnySize(s->ksp));
   }
   PetscCall(KSPSetOperators(s->ksp, s->mat, s->mat));
   PetscCall(KSPSetUp(s->ksp));
@@ -275,6 +277,7 @@ static PetscErrorCode create_iteration(ContactCoupling t, KSP *ksp, PetscBool *a
   PetscCall(KSPSetOptionsPrefix(*ksp, "flow_ties_"));
   PetscCall(KSPGetPC(*ksp, &pc));
   PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
+  if (size == 1) PetscCall(PivotsOfAnySize(*ksp));
   PetscCall(KSPSetType(*ksp, size == 1 ? KSPPREONLY : KSPCG));
   if (size > 1) PetscCall(KSPSetNormType(*ksp, KSP_NORM_NATURAL));
   if (size > 1) PetscCall(KSPCGUseSingleReduction(*ksp, PETSC_TRUE));
@@ -300,6 +303,7 @@ static PetscErrorCode factor_blocks(KSP ksp)
   for (PetscInt i = 0; i < n; i++) {
     PetscCall(KSPGetPC(sub[i], &pc));
     PetscCall(PCSetType(pc, PCLU));
+    PetscCall(PivotsOfAnySize(sub[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
