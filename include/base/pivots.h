@@ -1,5 +1,5 @@
-/* Pivots: which ones of a factorisation are zero. PETSc takes all below 2.2e-14 for zero, or adds that to them: in units
-   in which the entries of a matrix are small none is left. */
+/* Pivots: which ones of a factorisation are zero. PETSc takes all below 2.2e-14 for zero, or adds that to them: where
+   the units make the entries of a matrix small none is left. */
 #pragma once
 #include <petscksp.h>
 

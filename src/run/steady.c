@@ -216,7 +216,7 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
   PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
   PetscCall(SNESCreate(s->comm, &s->snes));
   PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
-  /* The longest step of PETSc's line search is 1e8 whatever the units: in those where unknowns are large it damps all */
+  /* PETSc's longest step of a line search is 1e8 in any units: where unknowns are large it damps all */
   PetscCall(SNESGetLineSearch(s->snes, &search));
   PetscCall(SNESLineSearchSetTolerances(search, PETSC_DEFAULT, PETSC_MAX_REAL, PETSC_DEFAULT, PETSC_DEFAULT,
                                         PETSC_DEFAULT, PETSC_DEFAULT));

@@ -84,8 +84,8 @@ PetscErrorCode ScalarsPredict(Scalars all, PetscInt i, const PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Size of what the rows of free nodes balance, from r, what is left of them at x. Those of nodes that have a value are not
-   in it: they are values, of other units, and would say how well the others are solved. */
+/* Size of what the rows of free nodes balance, from r, what is left of them at x. Rows of nodes that have a value are
+   not in it: they are values, of another unit. */
 static PetscErrorCode find_size(Scalars all, Scalar *s, Vec x, Vec r, Vec work, PetscReal *size)
 {
   const PetscReal *v[2], *d;
