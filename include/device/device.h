@@ -56,6 +56,7 @@ typedef struct {
 typedef struct {
   int    n, slot[DEVICE_HANG_SLOTS], start[DEVICE_HANG_SLOTS + 1], from[DEVICE_HANG_WEIGHT];
   double weight[DEVICE_HANG_WEIGHT];
+  double corner[64]; /* [corner][vertex] what multilinear functions of the cell's vertices are at its corners */
 } DeviceHang;
 
 /* Hexahedra of 27 nodes, node j at lattice position (j % 3, (j/3) % 3, j/9), in groups of 32 places: first nbox groups
@@ -230,6 +231,21 @@ typedef struct {
 } DeviceBodyKernels;
 
 typedef struct {
+  /* v [nvertex] += the transposed fit of r [ncell][4]; x [ncell][4] += the fit of v */
+  int (*add_restricted)(const DeviceQueue *, const DeviceTransfer *, const double r[], double v[]);
+  int (*add_interpolated)(const DeviceQueue *, const DeviceTransfer *, const double v[], double x[]);
+  /* Entries that are there, of matrices between vertices: A += the integrals of sum over axes a of k[a] times products
+     of slopes along a, over n cells that are boxes, k [n][3]; += value [n] in rows row and columns column; C = P^T A P;
+     inverse [n] of the diagonal */
+  int (*add_boxes)(const DeviceQueue *, const DeviceCells *, const int place[], const DeviceTransfer *, int n,
+                   const int cell[], const double k[], const DeviceSparse *A);
+  int (*add_entries)(const DeviceQueue *, int n, const int row[], const int column[], const double value[],
+                     const DeviceSparse *A);
+  int (*coarsen)(const DeviceQueue *, const DeviceSparse *A, const DeviceSparse *P, const DeviceSparse *C);
+  int (*invert_sparse)(const DeviceQueue *, const DeviceSparse *A, double inverse[]);
+} DeviceVertexKernels;
+
+typedef struct {
   /* y [nnode][3] = weight [nnode] x; y = |x| by entries */
   int (*scale_nodes)(const DeviceQueue *, int nnode, const double weight[], const double x[], double y[]);
   int (*take_sizes)(const DeviceQueue *, size_t n, const double x[], double y[]);
@@ -306,9 +322,6 @@ struct _n_DeviceKernels {
   int (*multiply_rows)(const DeviceQueue *, const DeviceRows *, const double x[], double y[]);
   int (*residual_rows)(const DeviceQueue *, const DeviceRows *, const double b[], const double x[], double r[]);
   int (*smooth_rows)(const DeviceQueue *, const DeviceRows *, const DeviceChebyshev *);
-  /* v [nvertex] += the transposed fit of r [ncell][4]; x [ncell][4] += the fit of v */
-  int (*add_restricted)(const DeviceQueue *, const DeviceTransfer *, const double r[], double v[]);
-  int (*add_interpolated)(const DeviceQueue *, const DeviceTransfer *, const double v[], double x[]);
   /* y = A x (add: +=), y += A^T x, r = b - A x, a Chebyshev step about the diagonal with inverse [n] */
   int (*multiply_sparse)(const DeviceQueue *, const DeviceSparse *, int add, const double x[], double y[]);
   int (*add_transposed)(const DeviceQueue *, const DeviceSparse *, const double x[], double y[]);
@@ -337,6 +350,7 @@ struct _n_DeviceKernels {
 
   DeviceBalanceKernels balance; /* of momentum */
   DeviceBodyKernels    body;
+  DeviceVertexKernels  vertices;
 };
 
 #define DEVICE_PARTIAL 2048

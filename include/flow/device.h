@@ -22,6 +22,11 @@ PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal 
 /* Rows row [n] of B W B^T to places at [n], weight [nnode][dim]: see DeviceBodyKernels. Of all cells on one rank. */
 PetscErrorCode FlowMakeRowsOnDevice(Flow, const PetscReal weight[], PetscInt n, const int row[], const int at[],
                                     const DeviceRows *);
+/* Are all own cells boxes of the fluid, where nodes may hang? Then A between their vertices += what `add_boxes` of
+   device.h makes of n cells. Of all cells on one rank. */
+PetscBool      FlowHasBoxesAlone(Flow);
+PetscErrorCode FlowAddBoxesOnDevice(Flow, const DeviceTransfer *, PetscInt n, const int cell[], const double k[],
+                                    const DeviceSparse *A);
 /* Parts of S of the step, on one rank: n of its cells, any of them several times, with nodes node [n][27] of their own
    among nnode, and the terms of participants in each. Memory grows; the caller destroys it. y [nnode][3] += that times
    x. */

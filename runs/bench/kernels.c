@@ -322,10 +322,10 @@ static void try_vertices(void)
            *dy = bring(np * 8, NULL), *dd = bring(np * 8, NULL);
     const DeviceChebyshev hs = {0.3, 0.6, b, v, d, y}, ds = {0.3, 0.6, db, dv, dd, dy};
 
-    TRY("restriction to vertices", 76, (size_t)nv, y, dy, (*cpu.run->add_restricted)(&cpu, &ht, p, y),
-        (*queue.run->add_restricted)(&queue, &t, dp, dy));
-    TRY("interpolation from vertices", 108, np, y, dy, (*cpu.run->add_interpolated)(&cpu, &ht, v, y),
-        (*queue.run->add_interpolated)(&queue, &t, dv, dy));
+    TRY("restriction to vertices", 76, (size_t)nv, y, dy, (*cpu.run->vertices.add_restricted)(&cpu, &ht, p, y),
+        (*queue.run->vertices.add_restricted)(&queue, &t, dp, dy));
+    TRY("interpolation from vertices", 108, np, y, dy, (*cpu.run->vertices.add_interpolated)(&cpu, &ht, v, y),
+        (*queue.run->vertices.add_interpolated)(&queue, &t, dv, dy));
     TRY("Q1 product", 27 * 12 + 16, (size_t)nv, y, dy, (*cpu.run->multiply_sparse)(&cpu, &ha, 0, v, y),
         (*queue.run->multiply_sparse)(&queue, &a, 0, dv, dy));
     TRY("Q1 transposed product", 27 * 12 + 16, (size_t)nv, y, dy, (*cpu.run->add_transposed)(&cpu, &ha, v, y),

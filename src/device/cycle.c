@@ -93,9 +93,9 @@ static int correct_cells(const DeviceQueue *q, const DevicePressure *p, double *
 
   if (p->ranks.ctx) return (*p->ranks.correct)(p->ranks.ctx, p->r, x);
   e = (*q->run->zero)(q, (size_t)p->transfer.nvertex * sizeof(double), p->level[0].b);
-  if (!e) e = (*q->run->add_restricted)(q, &p->transfer, p->r, p->level[0].b);
+  if (!e) e = (*q->run->vertices.add_restricted)(q, &p->transfer, p->r, p->level[0].b);
   if (!e) e = DeviceCycle(q, p->nlevel, 2, p->level);
-  return e ? e : (*q->run->add_interpolated)(q, &p->transfer, p->level[0].x, x);
+  return e ? e : (*q->run->vertices.add_interpolated)(q, &p->transfer, p->level[0].x, x);
 }
 
 int DevicePressureApply(const DeviceQueue *q, const DevicePressure *p, const double b[], double z[])

@@ -83,6 +83,12 @@ int NAME(multiply_sparse)(const DeviceQueue *, const DeviceSparse *, int, const 
 int NAME(add_transposed)(const DeviceQueue *, const DeviceSparse *, const double[], double[]);
 int NAME(residual_sparse)(const DeviceQueue *, const DeviceSparse *, const double[], const double[], double[]);
 int NAME(smooth_sparse)(const DeviceQueue *, const DeviceSparse *, const double[], const DeviceChebyshev *);
+/* galerkin.c */
+int NAME(add_boxes)(const DeviceQueue *, const DeviceCells *, const int[], const DeviceTransfer *, int, const int[],
+                    const double[], const DeviceSparse *);
+int NAME(add_entries)(const DeviceQueue *, int, const int[], const int[], const double[], const DeviceSparse *);
+int NAME(coarsen)(const DeviceQueue *, const DeviceSparse *, const DeviceSparse *, const DeviceSparse *);
+int NAME(invert_sparse)(const DeviceQueue *, const DeviceSparse *, double[]);
 /* sums.c */
 int NAME(dot)(const DeviceQueue *, size_t, const double[], const double[], const double[], const double[], double[],
               double[]);

@@ -42,8 +42,6 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(multiply_rows),
   NAME(residual_rows),
   NAME(smooth_rows),
-  NAME(add_restricted),
-  NAME(add_interpolated),
   NAME(multiply_sparse),
   NAME(add_transposed),
   NAME(residual_sparse),
@@ -57,6 +55,8 @@ const DeviceKernels NAME(DeviceKernels) = {
   {NAME(add_rigid), NAME(sum_rigid), NAME(add_blocks), NAME(sum_blocks), NAME(multiply_moments),
    NAME(add_moments_diagonal), NAME(make_rows), NAME(add_to_diagonal), NAME(narrow), NAME(invert_rows),
    NAME(place_arms), NAME(subtract_pairs), NAME(take_pairs), NAME(sum_entries)},
+  {NAME(add_restricted), NAME(add_interpolated), NAME(add_boxes), NAME(add_entries), NAME(coarsen),
+   NAME(invert_sparse)},
 };
 
 #ifndef __CUDACC__

@@ -29,6 +29,7 @@ static PetscErrorCode list_hangs(const MeshLocal *l, PetscInt number[], int *n, 
 
     if (!h || to->n) continue;
     to->n = (int)h->n;
+    for (PetscInt e = 0; e < 64; e++) to->corner[e] = h->corner[e / 8][e % 8];
     for (PetscInt r = 0; r < h->n; r++) to->slot[r] = (int)h->slot[r];
     for (PetscInt r = 0; r <= h->n; r++) to->start[r] = (int)h->start[r];
     for (PetscInt e = 0; e < h->start[h->n]; e++) {

@@ -370,6 +370,27 @@ PetscErrorCode FlowMakeRowsOnDevice(Flow f, const PetscReal weight[], PetscInt n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool FlowHasBoxesAlone(Flow f)
+{
+  const DeviceCells *c = &f->device->cells;
+  PetscInt           e = 0;
+
+  while (e < f->loc->ncell && !FlowIsInactive(f, e)) e++;
+  return (PetscBool)(c->nbox == c->ngroup && e == f->loc->ncell);
+}
+
+PetscErrorCode FlowAddBoxesOnDevice(Flow f, const DeviceTransfer *t, PetscInt n, const int cell[], const double k[],
+                                    const DeviceSparse *A)
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(OnDeviceFindGroups(o));
+  PetscCallDevice(q, (*q->run->vertices.add_boxes)(q, &o->cells, o->place, t, (int)n, cell, k, A));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- the lumped mass ---- */
 
 PetscErrorCode FlowScaleByMassOnDevice(Flow f, const PetscReal x[], PetscReal y[])

@@ -2,6 +2,7 @@
    operator of real meshes (its rows in both precisions, also made there, its smoother's blocks), of the transfer to the
    vertices and back, and a two-level preconditioner that is symmetric and solves. */
 #include "core.h"
+#include "flow/device.h"
 #include "solve/system.h"
 #include "pressure/devicelevels.h"
 #include "pressure/devicerows.h"
@@ -170,12 +171,12 @@ static void check_vertices(Case *c)
   OK(PetscCalloc5(c->np, &r, c->np, &x, nv, &v, PetscMax(nv, c->np), &want, nv, &other));
   fill_noise_pressure(c->l, 4, r);
   OK(TransferRestrict(c->transfer, r, want));
-  OK((*run->add_restricted)(&c->queue, &c->vertices, r, v));
+  OK((*run->vertices.add_restricted)(&c->queue, &c->vertices, r, v));
   BELOW(max_difference(nv, v, want), CLOSE * max_abs(nv, want));
   OK(PetscArraycpy(other, v, nv));
   OK(PetscArraycpy(x, r, c->np));
   OK(TransferInterpolateAdd(c->transfer, other, x, NULL));
-  OK((*run->add_interpolated)(&c->queue, &c->vertices, v, r));
+  OK((*run->vertices.add_interpolated)(&c->queue, &c->vertices, v, r));
   BELOW(max_difference(c->np, r, x), CLOSE * max_abs(c->np, x));
   OK(PetscFree5(r, x, v, want, other));
 }
@@ -195,9 +196,9 @@ static void make_matrix(Case *c, Mat *A)
     OK(PetscArrayzero(p, c->np));
     OK(PetscArrayzero(column, nv));
     unit[j] = 1;
-    OK((*c->queue.run->add_interpolated)(&c->queue, &c->vertices, unit, p));
+    OK((*c->queue.run->vertices.add_interpolated)(&c->queue, &c->vertices, unit, p));
     multiply(c, p, sp);
-    OK((*c->queue.run->add_restricted)(&c->queue, &c->vertices, sp, column));
+    OK((*c->queue.run->vertices.add_restricted)(&c->queue, &c->vertices, sp, column));
     if (j == 0) shift = 0.02 * column[0];
     column[j] += shift;
     for (PetscInt i = 0; i < nv; i++)
@@ -255,13 +256,15 @@ static void check_levels(Case *c, const DeviceGrid *grid)
 {
   DevicePressure m = {.rows = c->rows, .transfer = c->vertices, .degree = 3};
   PetscReal     *a, *b, *ma, *mb, ab;
+  DeviceSparse   lowest;
   PetscInt       n;
   Mat            A;
 
   OK(PetscCalloc4(c->np, &a, c->np, &b, c->np, &ma, c->np, &mb));
   OK(PetscCalloc3(c->np, &m.x, c->np, &m.r, c->np, &m.d));
   make_matrix(c, &A);
-  OK(DeviceLevelsCreate(&c->queue, A, grid, PETSC_FALSE, &n, &m.level));
+  OK(DeviceLevelsCreate(&c->queue, A, grid, PETSC_FALSE, &n, &m.level, &lowest));
+  assert_int_equal(lowest.n > 0, grid != NULL);
   assert_true(n > 1);
   m.nlevel  = (int)n;
   m.largest = find_largest(c);
@@ -273,6 +276,7 @@ static void check_levels(Case *c, const DeviceGrid *grid)
   NEAR(dot(c->np, b, ma), ab, 1e-5 * PetscSqrtReal(dot(c->np, a, ma) * dot(c->np, b, mb)));
   assert_in_range(count_steps(c, &m), 4, 24);
   OK(DeviceLevelsDestroy(&c->queue, n, &m.level));
+  OK(DeviceSparseDestroy(&c->queue, &lowest));
   OK(MatDestroy(&A));
   OK(PetscFree3(m.x, m.r, m.d));
   OK(PetscFree4(a, b, ma, mb));
@@ -337,6 +341,124 @@ static void test_scenes(void **state)
   }
 }
 
+/* Levels of the vertices of one mesh, and weights of its nodes */
+typedef struct {
+  Coarse       coarse;
+  PetscInt     n;
+  DeviceLevel *level;
+  DeviceSparse lowest;
+} Levels;
+
+/* More weight at every `step`-th node that is no wall's, and more in every seventh cell */
+static void change_weights(Flow flow, const MeshLocal *l, PetscInt step, Coarse coarse)
+{
+  const PetscReal *const *b;
+  const unsigned char    *fixed;
+  PetscReal               block[16], change[3];
+
+  OK(FlowGetCellDivergence(flow, &b));
+  OK(ConditionsGetValues(FlowConditions(flow), &fixed, NULL));
+  for (PetscInt i = 0; i < l->nnode; i += step) {
+    for (PetscInt a = 0; a < 3; a++) change[a] = fixed[i] >> a & 1 ? 0 : 2 + noise(3 * i + a);
+    OK(CoarseAddNode(coarse, b, i, change));
+  }
+  for (PetscInt e = 0; e < 16; e++) block[e] = e % 5 == 0 ? 0.02 : 0.001;
+  for (PetscInt c = step; c < l->ncell; c += 7) OK(CoarseAddCells(coarse, 1, 1, &c, block));
+  OK(CoarseAssemble(coarse));
+}
+
+static void open_levels(Mesh mesh, Flow flow, const MeshLocal *l, PetscInt changes, Levels *s)
+{
+  const DeviceQueue *q = FlowGetQueue(flow);
+  Transfer           transfer;
+  DeviceGrid         grid;
+  Mat                A;
+
+  OK(CoarseCreate(mesh, 4, PETSC_TRUE, 0.03, &s->coarse));
+  for (PetscInt k = 0; k < changes; k++) change_weights(flow, l, 1 + 4 * k, s->coarse);
+  OK(CoarseGetMatrix(s->coarse, &A));
+  OK(CoarseGetTransfer(s->coarse, &transfer));
+  OK(DeviceGridCreate(mesh, transfer, &grid));
+  OK(DeviceLevelsCreate(q, A, &grid, PETSC_TRUE, &s->n, &s->level, &s->lowest));
+  OK(DeviceGridDestroy(&grid));
+}
+
+static void close_levels(Flow flow, Levels *s)
+{
+  OK(CoarseDestroy(&s->coarse));
+  OK(DeviceLevelsDestroy(FlowGetQueue(flow), s->n, &s->level));
+  OK(DeviceSparseDestroy(FlowGetQueue(flow), &s->lowest));
+}
+
+static void compare_sparse(const DeviceSparse *a, const DeviceSparse *b, PetscReal tol)
+{
+  assert_int_equal(a->n, b->n);
+  assert_int_equal(a->width, b->width);
+  for (PetscInt e = 0; e < a->n * a->width; e++) assert_int_equal(a->column[e], b->column[e]);
+  BELOW(max_difference(a->n * a->width, a->value, b->value), tol * max_abs(a->n * a->width, b->value));
+}
+
+/* Matrices of vertices that change where they are kept, and the levels below them, are those of the host */
+static void check_changes(const char options[])
+{
+  const MeshLocal   *l;
+  const DeviceQueue *q;
+  Mesh               mesh;
+  Flow               flow;
+  Transfer           transfer;
+  DeviceTransfer     on;
+  Levels             there, here;
+  PetscReal         *noise, *sums;
+  PetscBool          kept;
+
+  give(
+    "-mesh_dimension 3 -mesh_upper 1.5,1,1 -device emulate -flow_velocity_operator matrix_free -flow_bc_left_type outflow");
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
+  OK(MeshGetLocal(mesh, &l));
+  OK(FlowCreate(mesh, &flow));
+  q = FlowGetQueue(flow);
+  assert_true(FlowHasBoxesAlone(flow));
+  open_levels(mesh, flow, l, 1, &there);
+  open_levels(mesh, flow, l, 2, &here);
+  assert_true(there.n > 1);
+  OK(CoarseKeepChanges(there.coarse, &kept));
+  assert_true(kept);
+  change_weights(flow, l, 5, there.coarse);
+  OK(CoarseGetTransfer(there.coarse, &transfer));
+  OK(DeviceTransferCreate(q, transfer, l->ncell, &on));
+  OK(PetscMalloc2(there.level[0].A.n, &noise, DEVICE_PARTIAL + 2, &sums));
+  DeviceLevelsFillNoise(there.level[0].A.n, noise);
+  OK(DeviceLevelsChange(flow, there.coarse, &on, &there.level[0].A));
+  OK(DeviceLevelsUpdate(q, there.n, there.level, &there.lowest, PETSC_TRUE, noise, sums));
+  assert_int_equal(there.n, here.n);
+  for (PetscInt k = 0; k < here.n; k++) {
+    const DeviceLevel *a = there.level + k, *b = here.level + k;
+    const PetscBool    last = (PetscBool)(k == here.n - 1);
+
+    compare_sparse(&a->A, &b->A, last ? 1e-7 : CLOSE); /* the inverse of what is singular but for 1e-8 */
+    if (last) continue;
+    compare_sparse(&a->P, &b->P, 0);
+    BELOW(max_difference(a->A.n, a->inverse, b->inverse), CLOSE * max_abs(a->A.n, b->inverse));
+    NEAR(a->largest, b->largest, 1e-10 * b->largest);
+  }
+  compare_sparse(&there.lowest, &here.lowest, CLOSE);
+  OK(PetscFree2(noise, sums));
+  OK(DeviceTransferDestroy(q, &on));
+  close_levels(flow, &there);
+  close_levels(flow, &here);
+  OK(FlowDestroy(&flow));
+  OK(MeshDestroy(&mesh));
+}
+
+static void test_changes(void **state)
+{
+  (void)state;
+  check_changes("-mesh_cells 6,4,4");
+  check_changes("-mesh_cells 7,4,5 -mesh_periodic y");
+  check_changes("-mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4");
+}
+
 /* A hole of 2 x 2 cells: a vertex beside it has more neighbours than those of one cell */
 static void test_hole(void **state)
 {
@@ -357,7 +479,8 @@ static void test_hole(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_scenes), cmocka_unit_test(test_hole)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_scenes), cmocka_unit_test(test_changes),
+                                     cmocka_unit_test(test_hole)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

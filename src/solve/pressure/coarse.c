@@ -36,6 +36,9 @@ struct _p_Coarse {
   PetscBool       *inactive;              /* [nnode_all] vertex without fluid around */
   PetscInt        *col;                   /* [max] vertices of the cells around a node, 9 (27) on regular meshes, */
   PetscReal       *g, *block;             /* [max][dim], [max][max] and what they see of it: CoarseAddNode's */
+  PetscBool        keeps;                 /* changes, for CoarseTakeChanges; entries so far: */
+  PetscInt         nentry, entry_capacity, *row, *column;
+  PetscReal       *value;
   /* the bodies' part, see CoarseSetBodies */
   PetscBool        crowded; /* the operator has had a part of bodies */
   Constraint       bodies;
@@ -369,6 +372,9 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   PetscCall(MatDestroy(&s->matrix));
   PetscCall(LaplacianDestroy(&s->laplacian));
   PetscCall(PetscFree3(s->col, s->g, s->block));
+  PetscCall(PetscFree(s->row));
+  PetscCall(PetscFree(s->column));
+  PetscCall(PetscFree(s->value));
   PetscCall(PetscFree(s->inactive));
   PetscCall(PetscFree(*coarse));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -394,6 +400,19 @@ PetscErrorCode CoarseAddNode(Coarse s, const PetscReal *const b[], PetscInt i, c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode keep_entries(Coarse s, PetscInt n, const PetscInt at[], const PetscReal block[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(s->nentry + n * n, &s->entry_capacity, &s->row, sizeof(*s->row), &s->column,
+                         sizeof(*s->column), &s->value, sizeof(*s->value), NULL));
+  for (PetscInt e = 0; e < n * n; e++, s->nentry++) {
+    s->row[s->nentry]    = at[e / n];
+    s->column[s->nentry] = at[e % n];
+    s->value[s->nentry]  = block[e];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoarseAddCells(Coarse s, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[])
 {
   const PetscInt nv = 1 << s->loc->dim, nk = s->nk;
@@ -410,7 +429,8 @@ PetscErrorCode CoarseAddCells(Coarse s, PetscReal scale, PetscInt n, const Petsc
       for (PetscInt v = 0; v < nv * nv; v++)
         sum[v] += scale * fit[e / nk * nv + v / nv] * block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
     for (PetscInt v = 0; v < nv; v++) col[v] = s->global[vertex[v]];
-    PetscCall(MatSetValues(s->matrix, nv, col, nv, col, sum, ADD_VALUES));
+    if (s->keeps) PetscCall(keep_entries(s, nv, col, sum));
+    else PetscCall(MatSetValues(s->matrix, nv, col, nv, col, sum, ADD_VALUES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -432,18 +452,47 @@ PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], co
 PetscErrorCode CoarseFlush(Coarse s)
 {
   PetscFunctionBeginUser;
-  if (s->laplacian) PetscCall(LaplacianFlush(s->laplacian, s->vertex, s->matrix));
+  if (s->laplacian && !s->keeps) PetscCall(LaplacianFlush(s->laplacian, s->vertex, s->matrix));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoarseAssemble(Coarse s)
 {
   PetscFunctionBeginUser;
+  if (s->keeps) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarseFlush(s));
   PetscCall(MatAssemblyBegin(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(make_definite(s));
   s->changed = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseKeepChanges(Coarse s, PetscBool *kept)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoarseFlush(s));
+  s->keeps = *kept = (PetscBool)(s->laplacian != NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseTakeChanges(Coarse s, CoarseChanges *c)
+{
+  PetscInt   n, *row;
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(LaplacianTake(s->laplacian, s->vertex, &c->n, &c->cell, &c->change, &n, &row, &value));
+  for (PetscInt v = 0; v < n; v++) PetscCall(keep_entries(s, 1, row + v, value + v));
+  PetscCall(PetscFree(row));
+  PetscCall(PetscFree(value));
+  c->nentry = s->nentry;
+  c->row    = s->row;
+  c->column = s->column;
+  c->value  = s->value;
+  s->nentry = s->entry_capacity = 0;
+  s->row = s->column = NULL;
+  s->value           = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -31,6 +31,17 @@ PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], cons
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);
 
+/* From now on the operator is somebody else's, who adds its changes to it: CoarseFlush and CoarseAssemble leave the
+   matrix alone. *kept: the operator is a Laplacian, whose changes are those of cells; else nothing happens. Taken are n
+   cells with changes [n][dim] of their coefficients (laplacian.h), and entries, row and column [nentry], by the numbers
+   of vertices; all are to be freed. On one rank, in space; cells do not change their shape. */
+typedef struct {
+  PetscInt   n, nentry, *cell, *row, *column;
+  PetscReal *change, *value;
+} CoarseChanges;
+PetscErrorCode CoarseKeepChanges(Coarse, PetscBool *kept);
+PetscErrorCode CoarseTakeChanges(Coarse, CoarseChanges *);
+
 /* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] of the constraint
    that this rank knows. Borrowed until the next call. Not collective. */
 PetscErrorCode CoarseSetBodies(Coarse, Constraint, PetscInt n, const PetscInt cell[], const PetscInt body[],

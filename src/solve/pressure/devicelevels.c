@@ -68,23 +68,17 @@ static void invert(PetscInt n, PetscReal a[], PetscReal inverse[])
   }
 }
 
-/* The inverse of A as a full matrix; of one that is singular with what it cannot see given a value */
-static PetscErrorCode take_inverse(const DeviceQueue *queue, Mat A, PetscBool floating, DeviceSparse *s)
+/* The inverse of a [n][n], which is lost, as a full matrix; of one that is singular with what it cannot see given a
+   value */
+static PetscErrorCode take_inverse(const DeviceQueue *queue, PetscInt n, PetscReal a[], PetscBool floating,
+                                   DeviceSparse *s)
 {
-  PetscInt   n;
-  PetscReal *a, *inverse, mean = 0;
+  PetscReal *inverse, mean = 0;
   int       *column;
-  Mat        dense;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetSize(A, &n, NULL));
-  PetscCall(PetscMalloc3(n * n, &a, n * n, &inverse, n * n, &column));
-  PetscCall(MatConvert(A, MATDENSE, MAT_INITIAL_MATRIX, &dense));
-  for (PetscInt e = 0; e < n * n; e++) {
-    PetscCall(MatGetValue(dense, e / n, e % n, &a[e]));
-    column[e] = (int)(e / n);
-  }
-  PetscCall(MatDestroy(&dense));
+  PetscCall(PetscMalloc2(n * n, &inverse, n * n, &column));
+  for (PetscInt e = 0; e < n * n; e++) column[e] = (int)(e / n);
   for (PetscInt i = 0; i < n; i++) mean += a[i * (n + 1)] / (PetscReal)n;
   for (PetscInt e = 0; e < n * n && floating; e++)
     a[e] += mean / (PetscReal)n + (e % (n + 1) == 0 ? REGULARISE * mean : 0);
@@ -92,7 +86,24 @@ static PetscErrorCode take_inverse(const DeviceQueue *queue, Mat A, PetscBool fl
   *s = (DeviceSparse){.n = (int)n, .width = (int)n};
   PetscCall(DeviceTake(queue, n * n, column, &s->column));
   PetscCall(DeviceTake(queue, n * n, inverse, &s->value));
-  PetscCall(PetscFree3(a, inverse, column));
+  PetscCall(PetscFree2(inverse, column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_lowest(const DeviceQueue *queue, Mat A, PetscBool floating, DeviceSparse *s)
+{
+  PetscInt   n;
+  PetscReal *a;
+  Mat        dense;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetSize(A, &n, NULL));
+  PetscCall(PetscMalloc1(n * n, &a));
+  PetscCall(MatConvert(A, MATDENSE, MAT_INITIAL_MATRIX, &dense));
+  for (PetscInt e = 0; e < n * n; e++) PetscCall(MatGetValue(dense, e / n, e % n, &a[e]));
+  PetscCall(MatDestroy(&dense));
+  PetscCall(take_inverse(queue, n, a, floating, s));
+  PetscCall(PetscFree(a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -228,19 +239,21 @@ static PetscErrorCode build_algebraic(Mat matrix, Hierarchy *h)
 }
 
 PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, const DeviceGrid *grid, PetscBool floating,
-                                  PetscInt *n, DeviceLevel *level[])
+                                  PetscInt *n, DeviceLevel *level[], DeviceSparse *lowest)
 {
   Hierarchy h = {0};
 
   PetscFunctionBeginUser;
+  *lowest = (DeviceSparse){0};
   if (grid && grid->at) PetscCall(build_geometric(matrix, grid, &h));
+  if (h.n > 1) PetscCall(take_sparse(queue, h.A[h.n - 1], lowest));
   if (!h.n) PetscCall(build_algebraic(matrix, &h));
   *n = h.n;
   PetscCall(PetscCalloc1(h.n, level));
   for (PetscInt k = 0; k < h.n; k++) {
     DeviceLevel *l = *level + k;
 
-    if (k == h.n - 1) PetscCall(take_inverse(queue, h.A[k], floating, &l->A));
+    if (k == h.n - 1) PetscCall(take_lowest(queue, h.A[k], floating, &l->A));
     else PetscCall(take_level(queue, h.A[k], h.P[k], l));
     PetscCall(take_work(queue, l));
   }
@@ -248,7 +261,107 @@ PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, const De
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode drop_sparse(const DeviceQueue *queue, DeviceSparse *s)
+/* ---- changes, there ---- */
+
+static PetscErrorCode free_changes(CoarseChanges *c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(c->cell));
+  PetscCall(PetscFree(c->change));
+  PetscCall(PetscFree(c->row));
+  PetscCall(PetscFree(c->column));
+  PetscCall(PetscFree(c->value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceLevelsChange(Flow flow, Coarse coarse, const DeviceTransfer *transfer, DeviceSparse *A)
+{
+  const DeviceQueue *q = FlowGetQueue(flow);
+  CoarseChanges      c;
+  const int         *cell, *row, *column;
+  double            *change, *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoarseTakeChanges(coarse, &c));
+  PetscCall(DeviceTakeInts(q, c.n, c.cell, &cell));
+  PetscCall(DeviceTake(q, c.n * 3, c.change, &change));
+  PetscCall(FlowAddBoxesOnDevice(flow, transfer, c.n, cell, change, A));
+  PetscCall(DeviceTakeInts(q, c.nentry, c.row, &row));
+  PetscCall(DeviceTakeInts(q, c.nentry, c.column, &column));
+  PetscCall(DeviceTake(q, c.nentry, c.value, &value));
+  PetscCallDevice(q, (*q->run->vertices.add_entries)(q, (int)c.nentry, row, column, value, A));
+  PetscCall(DeviceFree(q, &cell));
+  PetscCall(DeviceFree(q, &change));
+  PetscCall(DeviceFree(q, &row));
+  PetscCall(DeviceFree(q, &column));
+  PetscCall(DeviceFree(q, &value));
+  PetscCall(free_changes(&c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* As find_largest; work vectors of the level are lost */
+static PetscErrorCode update_largest(const DeviceQueue *q, const double noise[], double sums[], DeviceLevel *l)
+{
+  const size_t n = (size_t)l->A.n;
+  double      *x = l->x, *y = l->d, square, before = 0;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->combine)(q, n, 1, &noise, (double[]){1}, NULL, x));
+  PetscCallDevice(q, (*q->run->zero)(q, n * sizeof(double), l->b));
+  l->largest = 1;
+  for (PetscInt k = 0; k < POWER; k++) { /* y = -D^-1 A x over what is the eigenvalue so far */
+    const PetscReal       scale = 1 / l->largest;
+    const DeviceChebyshev step  = {.c2 = scale, .b = l->b, .x = x, .d = y, .x_new = l->y};
+
+    PetscCallDevice(q, (*q->run->smooth_sparse)(q, &l->A, l->inverse, &step));
+    PetscCallDevice(q, (*q->run->dot)(q, n, y, y, NULL, NULL, sums, sums + DEVICE_PARTIAL));
+    PetscCallDevice(q, (*q->run->download)(q, sizeof(square), sums + DEVICE_PARTIAL, &square));
+    if (k > 0) l->largest = PetscSqrtReal(square / before) / scale;
+    before = square;
+    x      = y;
+    y      = x == l->d ? l->x : l->d;
+  }
+  l->largest *= LARGER;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The lowest level's inverse is the host's: some dozens of unknowns */
+static PetscErrorCode update_lowest(const DeviceQueue *q, const DeviceSparse *lowest, PetscBool floating,
+                                    DeviceSparse *inverse)
+{
+  const PetscInt n = lowest->n, all = n * lowest->width;
+  PetscReal     *a, *value;
+  int           *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(n * n, &a));
+  PetscCall(PetscMalloc2(all, &value, all, &column));
+  PetscCallDevice(q, (*q->run->download)(q, (size_t)all * sizeof(*value), lowest->value, value));
+  PetscCallDevice(q, (*q->run->download)(q, (size_t)all * sizeof(*column), lowest->column, column));
+  for (PetscInt e = 0; e < all; e++) a[e % n * n + column[e]] += value[e];
+  PetscCall(DeviceSparseDestroy(q, inverse));
+  PetscCall(take_inverse(q, n, a, floating, inverse));
+  PetscCall(PetscFree(a));
+  PetscCall(PetscFree2(value, column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceLevelsUpdate(const DeviceQueue *q, PetscInt n, DeviceLevel level[], DeviceSparse *lowest,
+                                  PetscBool floating, const double noise[], double sums[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < n - 1; k++) {
+    DeviceLevel *l = level + k;
+
+    PetscCallDevice(q, (*q->run->vertices.coarsen)(q, &l->A, &l->P, k == n - 2 ? lowest : &level[k + 1].A));
+    PetscCallDevice(q, (*q->run->vertices.invert_sparse)(q, &l->A, (double *)l->inverse));
+    PetscCall(update_largest(q, noise, sums, l));
+  }
+  PetscCall(update_lowest(q, lowest, floating, &level[n - 1].A));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceSparseDestroy(const DeviceQueue *queue, DeviceSparse *s)
 {
   PetscFunctionBeginUser;
   PetscCall(DeviceFree(queue, &s->column));
@@ -262,8 +375,8 @@ PetscErrorCode DeviceLevelsDestroy(const DeviceQueue *queue, PetscInt n, DeviceL
   for (PetscInt k = 0; k < n; k++) {
     DeviceLevel *l = *level + k;
 
-    PetscCall(drop_sparse(queue, &l->A));
-    PetscCall(drop_sparse(queue, &l->P));
+    PetscCall(DeviceSparseDestroy(queue, &l->A));
+    PetscCall(DeviceSparseDestroy(queue, &l->P));
     PetscCall(DeviceFree(queue, &l->inverse));
     PetscCall(DeviceFree(queue, &l->x));
     PetscCall(DeviceFree(queue, &l->y));

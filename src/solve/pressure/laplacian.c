@@ -289,6 +289,39 @@ PetscErrorCode LaplacianFlush(Laplacian s, const PetscInt vertex[], Mat A)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode LaplacianTake(Laplacian s, const PetscInt vertex[], PetscInt *n, PetscInt *cell[], PetscReal *change[],
+                             PetscInt *nvertex, PetscInt *row[], PetscReal *value[])
+{
+  const PetscInt dim = s->loc->dim;
+
+  PetscFunctionBeginUser;
+  *n       = s->ncell;
+  *nvertex = s->nvertex;
+  PetscCall(PetscMalloc1(s->ncell, cell));
+  PetscCall(PetscMalloc1(s->ncell * dim, change));
+  PetscCall(PetscMalloc1(s->nvertex, row));
+  PetscCall(PetscMalloc1(s->nvertex, value));
+  for (PetscInt i = 0; i < s->ncell; i++) {
+    const PetscInt c = s->cell[i];
+
+    (*cell)[i] = c;
+    PetscCall(PetscArraycpy(*change + i * dim, s->change + c * dim, dim));
+    PetscCall(PetscArrayzero(s->change + c * dim, dim));
+    s->listed[c] = PETSC_FALSE;
+    s->volume[c] = 0;
+  }
+  for (PetscInt v = 0; v < s->nvertex; v++) {
+    const PetscInt i = s->vertex[v];
+
+    (*row)[v]           = vertex[i];
+    (*value)[v]         = s->diagonal[i];
+    s->diagonal[i]      = 0;
+    s->listed_vertex[i] = PETSC_FALSE;
+  }
+  s->ncell = s->nvertex = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- life cycle ---- */
 
 static PetscErrorCode find_walls(Laplacian s)

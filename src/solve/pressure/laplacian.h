@@ -23,3 +23,7 @@ PetscErrorCode LaplacianAddNode(Laplacian, const PetscReal *const b[], PetscInt 
 /* What was gathered goes into A (ADD_VALUES), whose rows are the vertices (global numbers vertex [nnode_all]): before
    cells change their shape, and before A is assembled. Not collective. */
 PetscErrorCode LaplacianFlush(Laplacian, const PetscInt vertex[], Mat A);
+/* Or it goes to the caller, who adds it elsewhere: n cells with changes [n][dim] of their coefficients, and vertices
+   with values of the diagonal, by their numbers. All four are to be freed. Not collective. */
+PetscErrorCode LaplacianTake(Laplacian, const PetscInt vertex[], PetscInt *n, PetscInt *cell[], PetscReal *change[],
+                             PetscInt *nvertex, PetscInt *row[], PetscReal *value[]);

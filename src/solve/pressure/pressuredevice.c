@@ -21,6 +21,7 @@ static PetscErrorCode clear_vertices(struct _p_PressureDevice *d)
   PetscFunctionBeginUser;
   PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
   PetscCall(DeviceLevelsDestroy(d->queue, d->cycle.nlevel, &d->cycle.level));
+  PetscCall(DeviceSparseDestroy(d->queue, &d->lowest));
   d->cycle.nlevel = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -96,7 +97,7 @@ static PetscErrorCode find_largest(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The level of the vertices and those below it, on one rank */
+/* The level of the vertices and those below it, on one rank: changed there, where cells are boxes, else they go over */
 static PetscErrorCode take_vertices(Pressure p, struct _p_PressureDevice *d)
 {
   PetscInt   nlevel;
@@ -105,13 +106,22 @@ static PetscErrorCode take_vertices(Pressure p, struct _p_PressureDevice *d)
   Mat        A;
 
   PetscFunctionBeginUser;
+  if (d->keeps) {
+    PetscCall(DeviceLevelsChange(p->flow, p->coarse, &d->cycle.transfer, &d->cycle.level[0].A));
+    PetscCall(
+      DeviceLevelsUpdate(d->queue, d->cycle.nlevel, d->cycle.level, &d->lowest, p->floating, d->noise, d->sums));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(clear_vertices(d));
   PetscCall(CoarseGetMatrix(p->coarse, &A));
   PetscCall(CoarseGetTransfer(p->coarse, &transfer));
   PetscCall(DeviceTransferCreate(d->queue, transfer, p->loc->ncell, &d->cycle.transfer));
   PetscCall(DeviceGridCreate(p->mesh, transfer, &grid));
-  PetscCall(DeviceLevelsCreate(d->queue, A, &grid, p->floating, &nlevel, &d->cycle.level));
+  PetscCall(DeviceLevelsCreate(d->queue, A, &grid, p->floating, &nlevel, &d->cycle.level, &d->lowest));
   PetscCall(DeviceGridDestroy(&grid));
   d->cycle.nlevel = (int)nlevel;
+  if (p->nbodies && d->lowest.n && d->cycle.level[0].A.n <= 4 * p->loc->ncell && FlowHasBoxesAlone(p->flow))
+    PetscCall(CoarseKeepChanges(p->coarse, &d->keeps)); /* so many numbers has d->noise */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,7 +155,6 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   if (!PressureMakesRowsOnDevice(p))
     PetscCall(DeviceRowsRenew(d->queue, p->nodes.matrix, (PetscBool)(p->nbodies > 0), &d->cycle.rows, d->room));
   if (!d->cycle.ranks.ctx && (!d->cycle.level || p->device_changed > KEEP * (PetscReal)p->loc->ncell)) {
-    PetscCall(clear_vertices(d));
     PetscCall(take_vertices(p, d));
     p->device_changed = 0;
   }

@@ -137,6 +137,8 @@ struct _p_PressureDevice {
   double            *constant; /* [ncell][4] a constant pressure */
   double            *noise;    /* [ncell][4] of find_largest */
   double            *sums;     /* [DEVICE_PARTIAL + 2] */
+  DeviceSparse       lowest;   /* see DeviceLevelsCreate */
+  PetscBool          keeps;    /* the matrix of the vertices, which the host has no more */
   PetscReal         *here;     /* several ranks: [ncell_all][4] on the host; [ncell][4] there, its correction; */
   double            *correction, *all; /* of products, with blocks of other ranks */
   RowsMade           made;
