@@ -120,9 +120,9 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
-/* elasticstart.c: u [own nodes][dim] += what velocities that solids start with make of before [nnode_all][dim], the
-   fluid inside; *any: something does. Collective. */
-PetscErrorCode ElasticStartInside(Elastic *, Couple, const PetscReal before[], PetscReal u[], PetscBool *any);
+/* elasticstart.c: u [nnode_all][dim], the velocity of the flow, changes at own nodes by what velocities that solids
+   start with make of the fluid inside; *any: something does. Collective. */
+PetscErrorCode ElasticStartInside(Elastic *, Couple, PetscReal u[], PetscBool *any);
 /* Of the step solved: kinetic energy of what the flow does not count, strain energy, the power of the weight in excess
    of the fluid's and of what holds nodes of the flow. Not collective, all ranks the same. */
 void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);

@@ -5,7 +5,7 @@
 
    over what lies in k of its cells. That of cut cells is scaled, so that all sums up to the volume of k, and r is the
    arm from the centre of it all: what comes in is the momentum of the fluid in the true shape. Not inside solids that
-   the mesh will follow, where the flow has no inertia. */
+   the mesh will follow, where the flow has no inertia. Membranes come first, then what may be inside of them. */
 #include "compat.h"
 #include "elastic.h"
 #include "elasticinside.h"
@@ -90,37 +90,53 @@ static PetscBool starts_inside(const Elastic *e, const SolidGroup *g)
   return (PetscBool)(g->start && (g->membrane || !e->aligned));
 }
 
-PetscErrorCode ElasticStartInside(Elastic *e, Couple c, const PetscReal before[], PetscReal u[], PetscBool *any)
+/* Those that are membranes, or that are not: u [nnode_all][dim] changes at own nodes, one after the other */
+static PetscErrorCode start_kind(Elastic *e, Couple c, PetscBool membranes, const ElementTables *tables,
+                                 ElasticInside t, PetscReal before[], PetscReal u[])
 {
   const SolidsState   *s     = e->s;
   const AlignSurfaces *table = ElasticSurfacesGet(e->surfaces);
-  PetscBool            mine  = PETSC_FALSE;
-  ElasticInside        t;
-  ElementTables        tables;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || starts_inside(e, s->group + g));
-  if (!mine) PetscFunctionReturn(PETSC_SUCCESS);
-  *any = PETSC_TRUE;
-  PetscCall(ElementCreate(s->dim, &tables));
-  PetscCall(ElasticSurfacesSet(e->surfaces, s->x));
-  PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, NULL, NULL, &t));
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidGroup *g = s->group + s->group_of[k];
     const PetscReal  *inside;
     Inner             inner;
 
-    if (!starts_inside(e, g)) continue;
+    if (!starts_inside(e, g) || g->membrane != membranes) continue;
     PetscCall(ElasticInsideFind(t, k, &inside));
-    inner = (Inner){.tables = &tables,
+    inner = (Inner){.tables = tables,
                     .inside = inside,
                     .centre = table->centre[k],
                     .U      = g->start + (k - g->first) * RigidSize(s->dim),
                     .volume = g->mesh.volume};
     PetscCall(measure_inside(c, &inner));
+    PetscCall(PetscArraycpy(before, u, c->loc->nnode * s->dim));
     PetscCall(take_velocity(c, &inner, before, u));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticStartInside(Elastic *e, Couple c, PetscReal u[], PetscBool *any)
+{
+  const SolidsState *s    = e->s;
+  PetscBool          mine = PETSC_FALSE;
+  ElasticInside      t;
+  ElementTables      tables;
+  PetscReal         *before;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || starts_inside(e, s->group + g));
+  if (!mine) PetscFunctionReturn(PETSC_SUCCESS);
+  *any = PETSC_TRUE;
+  PetscCall(PetscMalloc1(c->loc->nnode * s->dim, &before));
+  PetscCall(ElementCreate(s->dim, &tables));
+  PetscCall(ElasticSurfacesSet(e->surfaces, s->x));
+  PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, NULL, NULL, &t));
+  PetscCall(start_kind(e, c, PETSC_TRUE, &tables, t, before, u));
+  PetscCall(start_kind(e, c, PETSC_FALSE, &tables, t, before, u));
   PetscCall(ElasticInsideDestroy(&t));
   PetscCall(ElementDestroy(&tables));
+  PetscCall(PetscFree(before));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

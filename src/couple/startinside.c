@@ -107,19 +107,20 @@ static PetscErrorCode start_bodies(Couple c, PetscBool solved, const PetscReal b
 PetscErrorCode CoupleStartInside(Couple c, PetscBool solved)
 {
   const PetscInt n   = c->loc->nnode_all * c->loc->dim;
-  PetscBool      any = PETSC_FALSE;
-  PetscReal     *before, *u;
+  PetscBool      any = PETSC_FALSE, bodies = PETSC_FALSE;
+  PetscReal     *flow, *before, *u;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));
-  PetscCall(PetscMalloc1(n, &u));
-  PetscCall(PetscArraycpy(u, before, n));
-  if (c->s->nall && !c->method.table->moves_nodes) PetscCall(start_bodies(c, solved, before, u, &any));
-  if (c->elastic) PetscCall(ElasticStartInside(c->elastic, c, before, u, &any));
-  if (any) {
+  PetscCall(FlowGetFields(c->flow, &flow, NULL, NULL));
+  PetscCall(PetscMalloc2(n, &before, n, &u));
+  PetscCall(PetscArraycpy(u, flow, n));
+  if (c->elastic) PetscCall(ElasticStartInside(c->elastic, c, u, &any));
+  PetscCall(PetscArraycpy(before, u, n));
+  if (c->s->nall && !c->method.table->moves_nodes) PetscCall(start_bodies(c, solved, before, u, &bodies));
+  if (any || bodies) {
     PetscCall(MeshSyncNodes(c->mesh, c->loc->dim, u));
     PetscCall(FlowStartFrom(c->flow, u, NULL));
   }
-  PetscCall(PetscFree(u));
+  PetscCall(PetscFree2(before, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
