@@ -5,6 +5,7 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
+#include "base/opt.h"
 #include "base/project.h"
 #include "bodies/local.h"
 #include "fem/element.h"
@@ -255,9 +256,22 @@ static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* At one quadrature point: J and ((J - 1)/J + div (a - x))/bdt, the rate at which the volume is to shrink */
+/* What a step returns of the error of incompressible volumes: all, but no faster than the steps that were asked for.
+   Shorter ones, taken since something moves too far, would move it the faster the shorter they are. */
+static PetscErrorCode find_returned(const FlowStep *step, PetscReal *returned)
+{
+  PetscReal asked = 0;
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeekReal("-sim_dt", &asked, &given));
+  *returned = step->dt < asked ? step->dt / asked : 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* At one quadrature point: J and (returned (J - 1)/J + div (a - x))/bdt, the rate at which the volume is to shrink */
 static PetscReal shrinking(const SolidMesh *m, PetscInt cell, PetscInt q, const PetscReal x[], const PetscReal a[],
-                           PetscReal bdt, PetscReal *J)
+                           PetscReal bdt, PetscReal returned, PetscReal *J)
 {
   PetscReal F[9], G[9], inv[9], div = 0;
 
@@ -266,7 +280,7 @@ static PetscReal shrinking(const SolidMesh *m, PetscInt cell, PetscInt q, const 
   (void)SolidGradient(m, cell, q, a, G);
   for (PetscInt i = 0; i < m->dim; i++)
     for (PetscInt A = 0; A < m->dim; A++) div += (G[i * m->dim + A] - F[i * m->dim + A]) * inv[A * m->dim + i];
-  return ((*J - 1) / *J + div) / bdt;
+  return (returned * (*J - 1) / *J + div) / bdt;
 }
 
 static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g, PetscInt point, PetscReal w,
@@ -353,10 +367,12 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
 
 static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
 {
-  const SolidsState *s     = e->s;
-  PetscInt           point = 0, *entry;
+  const SolidsState *s        = e->s;
+  PetscInt           point    = 0, *entry;
+  PetscReal          returned = 1;
 
   PetscFunctionBeginUser;
+  PetscCall(find_returned(c->step, &returned));
   e->volumes.n = 0;
   *any_C       = PETSC_FALSE;
   PetscCall(PetscMalloc1(c->loc->ncell, &entry));
@@ -377,7 +393,7 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
         PetscReal J, rate;
 
         if (e->point.cell[point] < 0) continue;
-        rate = shrinking(m, cell, q, x, a, 1 / c->step->ct, &J);
+        rate = shrinking(m, cell, q, x, a, 1 / c->step->ct, g->compressible ? 1 : returned, &J);
         if (at_rest) rate = 0;
         PetscCall(add_volume_point(e, c, g, point, m->weight[cell * m->nq + q] * J, rate, J, entry));
       }

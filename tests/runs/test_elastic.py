@@ -89,6 +89,22 @@ def test_stiff_turns(rows, method, density, modulus):
     assert max(row["solid_stretch_soft"] for row in series) < 1.06 and max(row["kinetic_energy"] for row in series) < 2700
 
 
+@pytest.mark.parametrize("density", ["0.01", "1", "100"])
+def test_stiffness_and_density(rows, density):
+    """Steps of half a cell at stiffnesses of a step of .01 to 1e6 times the viscosity: all of them are taken, nothing is drawn out by more than the flow does it."""
+    for modulus in ("0.05", "5", "500", "5e4", "5e6"):
+        stiff = ["-flow_density", "1", "-flow_convection", "true", "-particle_soft_density", density, "-particle_soft_shear_modulus", modulus]
+        series = rows("soft-disc-shear", *SOFT, *stiff, "-sim_dt", "0.2", "-sim_steps", "6", folder=f"g{modulus}")
+        assert series[-1]["time"] == pytest.approx(1.2) and max(row["solid_stretch_soft"] for row in series) < 1.9, modulus
+
+
+def test_softest_is_drawn_out(rows):
+    """A disc without much of a stiffness: shortened steps do not return its volume the faster (steps were 1e-5 from a stretch of 5.8 on, at 6.0)."""
+    soft = ["-flow_density", "1", "-flow_convection", "true", "-particle_soft_density", "1", "-particle_soft_shear_modulus", "0.05"]
+    series = rows("soft-disc-shear", *SOFT, *soft, "-sim_dt", "0.2", "-sim_time", "8")
+    assert len(series) < 70 and series[-1]["solid_stretch_soft"] > 7 and max(abs(row["solid_volume_error_soft"]) for row in series) < 1e-12
+
+
 # A soft ellipse that sinks, 5 % heavier than the fluid; mm, mg, s
 SINKS = """mesh: {cells: [28, 42], lower: [3, 9], upper: [17, 30]}
 flow: {density: 1, viscosity: 20, gravity: [0, -9810], solver: direct, time: bdf2}
