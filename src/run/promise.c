@@ -89,6 +89,11 @@ static PetscErrorCode is_other_fluid(PetscBool *other)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscReal PromiseFallLayer(PetscInt preset, PetscBool several)
+{
+  return several ? PROMISE[preset].wakes : PROMISE[preset].layer;
+}
+
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
@@ -110,9 +115,7 @@ PetscErrorCode PromiseMeasureThickness(const MeshLocal *l, Bodies bodies, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Terminal speed of a body of this size, by its drag coefficient: in the plane 1, in space that of Schiller and Naumann
-   (1935) for spheres */
-static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscReal nu)
+PetscReal PromiseFallSpeed(PetscInt dim, PetscReal d, PetscReal pull, PetscReal nu)
 {
   PetscReal speed = PetscSqrtReal((dim == 2 ? PETSC_PI / 2 : 4. / 3) * d * pull);
 
@@ -147,10 +150,10 @@ PetscErrorCode PromiseEstimateFall(PetscInt dim, Bodies bodies, PetscInt group, 
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
   *size  = 2 * first[0];
-  *speed = estimate_fall(dim, *size,
-                         PetscAbsReal(first[1] / density - 1) *
-                           PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (dim == 3 ? g[2] * g[2] : 0)),
-                         viscosity / density);
+  *speed = PromiseFallSpeed(dim, *size,
+                            PetscAbsReal(first[1] / density - 1) *
+                              PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (dim == 3 ? g[2] * g[2] : 0)),
+                            viscosity / density);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,7 +218,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
                                   PetscBool aligned, const PromiseScene *scene, Breach *b)
 {
   BodyState *s;
-  PetscReal  cells = 0, min = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscReal  cells = 0, min, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
   PetscInt   fall = 0;
   PetscBool  unfit;
 
@@ -228,7 +231,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < PETSC_MAX_REAL) fall += s->group[g].count;
   }
-  if (fall > 1) min = PROMISE[preset].wakes;
+  min = PromiseFallLayer(preset, (PetscBool)(fall > 1));
   for (PetscInt g = 0; g < s->ngroups && b->group < 0; g++) {
     PetscCall(PromiseMeasureThickness(l, bodies, g, &cells));
     if (cells != 0 && cells < thick * (1 - 1e-6)) *b = (Breach){g, cells, thick, THICKNESS};

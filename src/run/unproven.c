@@ -6,6 +6,7 @@
 #include "bodies/local.h"
 #include "promise.h"
 #include "scalarlayers.h"
+#include "solidpromise.h"
 #include "scalar/scalar.h"
 #include <string.h>
 #include <strings.h>
@@ -39,8 +40,9 @@ static PetscErrorCode append_kind(char text[], size_t len, const char kind[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* text [len]: "elastic particles (flap), scalars (heat)", all but one scalar that is known; "": nothing */
-static PetscErrorCode list_unknown(const char known[], char text[], size_t len)
+/* text [len]: "elastic particles that touch (flap), scalars (heat)", all but one scalar, and solids, that are known;
+   "": nothing */
+static PetscErrorCode list_unknown(const char known[], PetscBool alone, char text[], size_t len)
 {
   char elastic[128] = "", drops[128] = "", scalars[128] = "", list[1024], name[OPT_NAME], material[64], *word, *rest;
 
@@ -49,13 +51,14 @@ static PetscErrorCode list_unknown(const char known[], char text[], size_t len)
   for (word = strtok_r(list, BETWEEN, &rest); word; word = strtok_r(NULL, BETWEEN, &rest)) {
     PetscCall(OptPeek(OptJoin("-particle_", word, "_material", name), material, sizeof(material)));
     if (!strcasecmp(material, "fluid")) PetscCall(append(drops, sizeof(drops), word));
-    else if (material[0] && strcasecmp(material, "rigid") != 0) PetscCall(append(elastic, sizeof(elastic), word));
+    else if (material[0] && strcasecmp(material, "rigid") != 0 && !alone)
+      PetscCall(append(elastic, sizeof(elastic), word));
   }
   PetscCall(OptPeek("-scalars", list, sizeof(list)));
   for (word = strtok_r(list, BETWEEN, &rest); word; word = strtok_r(NULL, BETWEEN, &rest))
     if (strcmp(word, known) != 0) PetscCall(append(scalars, sizeof(scalars), word));
   text[0] = 0;
-  PetscCall(append_kind(text, len, "elastic particles", elastic));
+  PetscCall(append_kind(text, len, "elastic particles that touch", elastic));
   PetscCall(append_kind(text, len, "drops", drops));
   PetscCall(append_kind(text, len, "scalars", scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -176,14 +179,15 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscBool asked, char refusal[],
-                             size_t len)
+PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, Solids solids, PetscInt preset, PetscBool asked,
+                             char refusal[], size_t len)
 {
   char        scalar[64], unknown[512], text[512], less[64] = "";
   PetscInt    method = SCALAR_LAYER_ALIGNED;
   const char *other  = "";
   BodyState  *s      = NULL;
   PetscReal   cells;
+  PetscBool   alone = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(measure_layer(l, bodies, &cells, scalar, sizeof(scalar)));
@@ -201,11 +205,11 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset,
     PetscCall(PromiseSay(preset, asked, text, refusal, len));
   }
   if (!asked) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(list_unknown(scalar, unknown, sizeof(unknown)));
+  if (solids) PetscCall(SolidPromiseIsAlone(bodies, solids, &alone));
+  PetscCall(list_unknown(scalar, alone, unknown, sizeof(unknown)));
   if (unknown[0])
-    PetscCall(
-      LogRemark("-preset %s promises its %s %% of the flow and of rigid bodies, and nothing of %s: compare with "
-                "a finer mesh and a shorter step",
-                PROMISE_PRESETS[preset], PromiseText(preset), unknown));
+    PetscCall(LogRemark("-preset %s promises its %s %% of the flow and of bodies, and nothing of %s: compare with "
+                        "a finer mesh and a shorter step",
+                        PROMISE_PRESETS[preset], PromiseText(preset), unknown));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

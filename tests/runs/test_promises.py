@@ -256,7 +256,7 @@ def test_a_preset_says_what_it_knows_nothing_of(run, scene):
     """Heat that a stream carries: no promise, and no remark where nobody asked for one."""
     name = scene(HEAT.replace("expansion: 1, ", ""), "carried.yaml")
     asked = run([name, "-preset", "balanced", "-scene_dry_run"])
-    assert not asked.status and "promises its 1 % of the flow and of rigid bodies, and nothing of scalars (heat)" in asked.text, asked.text
+    assert not asked.status and "promises its 1 % of the flow and of bodies, and nothing of scalars (heat)" in asked.text, asked.text
     assert "nothing of" not in run([name, "-scene_dry_run"]).text
 
 
@@ -303,3 +303,26 @@ def test_accurate_chooses_the_step_without_bodies(run, scene):
     known = re.search(r"estimated error: (\S+) % of the steps, of the mesh not known; -monitor_accuracy true tells whether the 0.2 % hold here", result.text)
     told = json.loads((result.folder / preset / "summary.json").read_text())["quantities"]["estimated_error_time"]
     assert known and float(known[1]) == pytest.approx(100 * told, rel=0.05), result.text
+
+
+@pytest.mark.parametrize(
+    "name, options, preset, message",
+    [
+        ("soft-disc-shear", [], "accurate", None),
+        ("soft-disc-shear", ["-mesh_focus_h", "0.8"], "balanced", "elastic group 'soft' is 2.7 cells thick and with -couple_method aligned needs 3"),
+        ("soft-disc-cavity", [], "balanced", None),
+        ("soft-and-hard", [], "fast", "elastic group 'red' is immersed, where it is not promised"),
+        ("fsi1", [], "balanced", None),
+        ("fsi1", ["-mesh_focus_h", "0.0125"], "fast", "elastic group 'flag' is 1.6 cells thick and with -couple_method aligned needs 2"),
+        ("fsi3", [], "balanced", "the boundary layer of elastic group 'flag' is 0.52 cells thick and needs 0.8"),
+        ("capsule-shear", [], "balanced", "membrane group 'capsule' is 5.0 cells thick and with -couple_method penalty needs 8"),
+    ],
+)
+def test_elastic_particles(run, name, options, preset, message):
+    """Presets line the mesh up with what is elastic, where that can be done, and refuse what is too thin for them or immersed."""
+    result = run([ROOT / f"runs/{name}.yaml", "-preset", preset, "-scene_dry_run", *options])
+    if message:
+        assert result.status and message in result.text and result.text.count("error:") == 1, result.text
+    else:
+        assert not result.status, result.text
+    assert (name == "soft-disc-cavity") == ("couple_method penalty of the scene" in result.text)
