@@ -210,11 +210,10 @@ def test_the_guide_shows_what_is_printed(run):
     assert [line.split()[:-2] for line in table.splitlines()] == [line.split()[:-2] for line in page.splitlines() if line.startswith(("  length of steps", "  the error of", "  the displacement of"))]
 
 
-@pytest.mark.parametrize("preset", [[], ["-preset", "accurate"]])
-def test_immersed_solids(rows_of, preset):
+def test_immersed_solids(rows_of):
     """Fields jump from cell to cell around immersed elastic bodies, whatever the step: no reason for shorter ones (a hundredfold, before)"""
     small = ["-mesh_cells", "12,18", "-particle_soft_count", "4", "-particle_soft_solid_size", "0.15", "-output_every", "0"]
-    rows = rows_of([ROOT / "runs" / "soft-suspension.yaml", *small, *preset, "-sim_adapt", "true", "-sim_time", "0.2"])
+    rows = rows_of([ROOT / "runs" / "soft-suspension.yaml", *small, "-sim_adapt", "true", "-sim_time", "0.2"])
     assert len(rows) <= 12 and min(row["dt"] for row in rows) > 0.01, len(rows)
 
 
