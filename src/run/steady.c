@@ -62,6 +62,41 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Norms of the velocities of nodes in the solution and its last correction */
+static PetscErrorCode measure_velocity(Steady s, SNES snes, PetscReal norm[2])
+{
+  const PetscInt n      = s->loc->nnode * s->loc->dim;
+  PetscReal      sum[2] = {0, 0};
+  Vec            v[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetSolution(snes, v));
+  PetscCall(SNESGetSolutionUpdate(snes, v + 1));
+  for (PetscInt k = 0; k < 2; k++) {
+    const PetscReal *x;
+
+    PetscCall(VecGetArrayRead(v[k], &x));
+    for (PetscInt i = 0; i < n; i++) sum[k] += PetscSqr(x[i]);
+    PetscCall(VecRestoreArrayRead(v[k], &x));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, s->comm));
+  for (PetscInt k = 0; k < 2; k++) norm[k] = PetscSqrtReal(sum[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* As PETSc's test, but that velocities alone tell how small a correction is: beside pressures, which have another unit,
+   they would count by the units of the scene. */
+static PetscErrorCode test_convergence(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm,
+                                       SNESConvergedReason *reason, void *ctx)
+{
+  PetscReal norm[2] = {xnorm, snorm};
+
+  PetscFunctionBeginUser;
+  if (it) PetscCall(measure_velocity((Steady)ctx, snes, norm));
+  PetscCall(SNESConvergedDefault(snes, it, norm[0], norm[1], fnorm, reason, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode stop_unconverged(Steady s)
 {
   SNESConvergedReason reason;
@@ -226,6 +261,7 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
   PetscCall(MatShellSetOperation(s->jacobian, MATOP_MULT, (void (*)(void))mult_jacobian));
   PetscCall(SNESSetJacobian(s->snes, s->jacobian, s->jacobian, set_up_jacobian, s));
   PetscCall(SNESMonitorSet(s->snes, monitor, s, NULL));
+  PetscCall(SNESSetConvergenceTest(s->snes, test_convergence, s, NULL));
   PetscCall(SNESGetKSP(s->snes, &ksp));
   PetscCall(KSPSetOptionsPrefix(ksp, "flow_correction_"));
   PetscCall(KSPSetType(ksp, KSPPREONLY));

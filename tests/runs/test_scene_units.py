@@ -222,6 +222,7 @@ SCENES = {
     "floc-settles": ([], []),
     "rheology-disc": ([], []),
     "viscoelastic-pair": ([], []),
+    "rheology-bingham": ([], ["divergence", "momentum_error", "driving_error", "wall_force_bottom_y", "wall_force_top_y", "mean_velocity_y"]),
     "cavity-re1000": (["-mesh_cells", "16,16", "-flow_viscosity", "0.01"], ["divergence", "mean_velocity_x", "mean_velocity_y"]),
 }
 
