@@ -1,7 +1,7 @@
 """Values of a run: what an expression such as "largest('cd', 4, 8)" or "body(0).at('y', 2)" may use, and its analysis of signals.
 
 Names: the quantities and numbers of summary.json; columns of series.csv through at, first, last, largest, smallest, mean, period; the same of one
-body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance, tilt, momentum_drift; published, rms; the functions of math with abs, min, max, int, str, zip.
+body of bodies.csv through body(k), of a drop of drops.csv through drop(k); sample(field, time, x, y) in its fields; kiss_time, distance, tilt, momentum_drift; published, rms; the functions of math with abs, min, max, int, str, zip.
 """
 
 import bisect
@@ -164,6 +164,7 @@ def names_of_run(folder):
         "distance": lambda time, a=0, b=1: distance(bodies, time, a, b),
         "tilt": lambda time, a=0, b=1: tilt(bodies, time, a, b),
         "momentum_drift": lambda count, dim=2: momentum_drift(bodies, count, dim),
+        "drop": lambda k=0: Body([row for row in read_numbers(folder / "drops.csv") if row["drop"] == k]),
         "body": lambda k=0: Body([row for row in bodies if row["body"] == k]),
     }
 

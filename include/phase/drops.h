@@ -7,6 +7,7 @@
 #pragma once
 #include "base/expr.h"
 #include "base/state.h"
+#include "mesh/mesh.h"
 #include "phase/contour.h"
 #include "phase/interface.h"
 #include "shape.h"
@@ -71,6 +72,10 @@ PetscErrorCode DropsView(Drops, PetscViewer);
    by a region; targets are the volumes in it. Collective. Errors: nothing of a drop is in the box; a region
    reaches over a period. */
 PetscErrorCode DropsStart(Drops, const PhaseBox *, PhaseCurve *);
+/* In the plane, the radius by which drops of a group swing: of a shape the least of that of a circle of its area and
+   how deep its centroid lies, at the start; of a region, of which that is not known, that of a drop whose ellipse
+   swings as the longest wave of the box does. Not collective. */
+PetscErrorCode DropsGetRadius(Drops, PetscInt group, const MeshLocal *, PetscReal *radius);
 /* What a group carries, of another room, is made of the same as what `like` does, an earlier one or itself: drops of
    groups that differ in that are of different fluids. Without it all are alike. Not collective. */
 void DropsSetCarried(Drops, PetscInt group, PetscInt like);

@@ -1,6 +1,7 @@
 /* CoupleDrops, limits of a step: the interface goes half a cell at most, and a step is no longer than ten capillary
    times of a cell, dt_cap = ((rho_1 + rho_2) h^3/(4 pi sigma))^(1/2), or than viscosity takes to smooth a wave of a
-   cell. Explicit surface tension is limited by dt_cap (Brackbill, Kothe & Zemach 1992). */
+   cell. Explicit surface tension is limited by dt_cap (Brackbill, Kothe & Zemach 1992). What presets promise asks for
+   steps in a period of the slowest oscillation of drops, or in the time in which viscous ones come to rest. */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
@@ -8,6 +9,35 @@
 #define WAY       0.5
 #define CAPILLARY 10
 #define VISCOUS   5 /* (mu_1 + mu_2) h/sigma */
+
+/* Per cent off, 6 cells a radius: decay of a drop in a gas with 40, 80, 120 steps a period 4, .5, .1; crest of a wave
+   with 35, 70 2.5, .4; deformation of a drop in shear with .8, 1.6, 3.2 steps in (viscosities) radius/tension 15, 2.6,
+   .4 (runs/studies/drops/notes.md) */
+#define VISCOUS_TIME 28    /* times (mu_1 + mu_2) R/sigma, that count as a period */
+#define WEIGHT       0.303 /* g (difference of densities) R^2, that restores as tension does: 6^(1/3)/6 */
+
+PetscErrorCode DropsFindLongest(CoupleDrops *f, Couple c)
+{
+  const FlowParameters *par     = c->par;
+  PetscReal             gravity = 0;
+
+  PetscFunctionBeginUser;
+  f->longest = PETSC_MAX_REAL;
+  if (f->steps == 0 || c->loc->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < c->loc->dim; a++) gravity += PetscSqr(par->gravity[a]);
+  for (PetscInt k = 0; k < f->s->ngroups; k++) {
+    const DropGroup *g  = f->s->group + k;
+    const PetscReal  mu = par->viscosity + (g->viscosity > 0 ? g->viscosity : par->viscosity);
+    PetscReal        R, sigma, period;
+
+    PetscCall(DropsGetRadius(f->drops, k, c->loc, &R));
+    sigma = g->tension + WEIGHT * PetscSqrtReal(gravity) * PetscAbsReal(g->density - par->density) * R * R;
+    if (sigma <= 0) continue;
+    period     = 2 * PETSC_PI * PetscSqrtReal((g->density + par->density) * R * R * R / (6 * sigma));
+    f->longest = PetscMin(f->longest, (period + VISCOUS_TIME * mu * R / sigma) / f->steps);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* Is local node i of a cell of a drop at the interface? */
 static PetscBool is_at(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt i)
@@ -48,6 +78,7 @@ PetscErrorCode DropsLimitStep(CoupleDrops *f, Couple c, PetscReal *dt)
   speed = find_speed(f, c->loc, f->first_order || before <= 0 ? 0 : PetscMin(1, *dt / before), u, u_old);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, c->comm));
   if (speed > 0) *dt = PetscMin(*dt, WAY * h / speed);
+  *dt = PetscMin(*dt, f->longest);
   for (PetscInt k = 0; k < f->s->n; k++) {
     const DropGroup *g  = f->s->group + f->s->drop[k].group;
     const PetscReal  mu = g->viscosity > 0 ? g->viscosity : c->par->viscosity;

@@ -52,6 +52,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   }
   PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
   PetscCall(DropsSetFilm(f, c));
+  PetscCall(DropsFindLongest(f, c));
   f->s->cell_drop = f->regular ? f->by_middle : f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
   if (!f->regular) PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
@@ -309,10 +310,11 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscInt                 form = 0;
   PetscBool                given;
   char                     adapt[16];
-  PetscReal                size = 0;
+  PetscReal                size = 0, steps = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-couple_drops", FORMS, &form));
+  PetscCall(OptReal("-couple_drops_steps", &steps));
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
   PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
@@ -332,6 +334,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
   PetscCall(PetscNew(&f));
   f->drops = drops;
+  f->steps = steps;
   PetscCall(DropsGetState(drops, &f->s));
   PetscCall(DropsReadAngles(f, c));
   f->regular = (PetscBool)form;

@@ -38,8 +38,10 @@ typedef struct CoupleDrops {
   PetscBool     *closed;      /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscBool      meets, met;  /* there are bodies that drops wet; drops know what of them is inside of these */
   PetscReal     *angle;       /* [groups of bodies] contact angle, 0: not wetted */
-  PetscBool      regular;     /* -couple_drops regularised: no mesh is lined up (dropregular.c) */
-  PetscInt      *by_middle;   /* [ncell_all] then: the drop that the middle of a cell is in, -1 */
+  PetscReal      steps;       /* -couple_drops_steps, and the longest step that it stands */
+  PetscReal      longest;
+  PetscBool      regular;                          /* -couple_drops regularised: no mesh is lined up (dropregular.c) */
+  PetscInt      *by_middle;                        /* [ncell_all] then: the drop that the middle of a cell is in, -1 */
   PetscInt       nband, band_capacity, *band_cell; /* and local cells near the interface, ascending, */
   PetscReal     *band; /* [nband][nb][nb] int delta (P grad phi_i) . (P grad phi_j), P along it */
   /* [ncell_all] the part of a drop's cell that is its own: beside bodies that it wets, what is in none; where the
@@ -109,7 +111,9 @@ static inline PetscReal DropsTheta(const FlowStep *s)
 {
   return s->order == 1 ? 1 : 0.6;
 }
-/* droplimit.c. *dt becomes no larger than the drops stand. Collective. */
+/* droplimit.c. f->longest, on the first mesh. Not collective. */
+PetscErrorCode DropsFindLongest(CoupleDrops *, Couple);
+/* *dt becomes no larger than the drops stand. Collective. */
 PetscErrorCode DropsLimitStep(CoupleDrops *, Couple, PetscReal *dt);
 /* dropmesh.c. Where the interface will be at the end of the step. Collective. */
 PetscErrorCode DropsPredict(CoupleDrops *, Couple);

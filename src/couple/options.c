@@ -22,6 +22,12 @@ static const OptSpec SPECS[] = {
    .when = "-particle_<group>_material fluid", .choices = "aligned, regularised", .also = "drop_method",
    .words = "csf regularised, regularized regularised, unaligned regularised, smeared regularised, snap aligned",
    .find  = "continuum surface force, level set, volume of fluid, bubble"},
+  {"-couple_drops_steps", OPT_REAL, "", OPT_FROM(0), "by -preset: 60, 120, 300",
+   .help =
+     "drops in the plane: the fewest steps in a period of their slowest oscillation at the start, and 28 (viscosity inside and outside) "
+     "radius/tension; 0: no such limit, as without a preset",
+   .when = "-particle_<group>_material fluid", .also = "drop_steps",
+   .find = "capillary time, time step of a drop, bubble"},
   {"-couple_anchored", OPT_BOOL, "", OPT_ANY, "true where all elastic particles are held (-particle_<group>_clamp)",
    .help =
      "elastic particles: the mesh is lined up with them once and follows their material, or it is lined up in every step",

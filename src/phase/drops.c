@@ -10,6 +10,7 @@
 #define FINE      20 /* edges of the curve at the start in a cell's length */
 #define MIN_EDGES 64 /* such edges of a drop */
 #define MAX_EDGES 2000
+#define WAVE      0.289 /* 6^(1/3)/(2 pi): of a wave, as sigma k^3 is 6 sigma/R^3 */
 #define TOLD      0.999 /* of its volume: with less of it in the domain it is told, */
 #define NOTHING   1e-6  /* and with less than this there is none */
 
@@ -134,6 +135,24 @@ PetscErrorCode DropsGetState(Drops d, DropsState **state)
 {
   PetscFunctionBeginUser;
   *state = &d->s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsGetRadius(Drops d, PetscInt group, const MeshLocal *l, PetscReal *radius)
+{
+  const DropGroup *g = d->group + group;
+  PetscReal        depth;
+  ShapeMass        mass;
+
+  PetscFunctionBeginUser;
+  *radius = PETSC_MAX_REAL;
+  for (PetscInt a = 0; a < l->dim && g->region; a++)
+    *radius = PetscMin(*radius, WAVE * (l->period[a] > 0 ? l->period[a] : 2 * (l->upper[a] - l->lower[a])));
+  if (g->region) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ShapeGetMass(g->shape, &mass));
+  PetscCall(ShapeDistance(g->shape, 1, mass.centroid, &depth));
+  *radius = PetscSqrtReal(mass.volume / PETSC_PI);
+  if (depth < 0) *radius = PetscMin(*radius, -depth);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -4,6 +4,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "dropcells.h"
 #include "promise.h"
 #include "scalarlayers.h"
 #include "solidpromise.h"
@@ -40,11 +41,12 @@ static PetscErrorCode append_kind(char text[], size_t len, const char kind[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* text [len]: "elastic particles that touch (flap), scalars (heat)", all but one scalar, and solids, that are known;
-   "": nothing */
-static PetscErrorCode list_unknown(const char known[], PetscBool alone, char text[], size_t len)
+/* text [len]: "elastic particles that touch (flap), scalars (heat)", all but one scalar, and solids, that are known,
+   and drops that are promised; "": nothing */
+static PetscErrorCode list_unknown(const MeshLocal *l, const char known[], PetscBool alone, char text[], size_t len)
 {
   char elastic[128] = "", drops[128] = "", scalars[128] = "", list[1024], name[OPT_NAME], material[64], *word, *rest;
+  PetscBool promised;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-particle_groups", list, sizeof(list)));
@@ -59,7 +61,8 @@ static PetscErrorCode list_unknown(const char known[], PetscBool alone, char tex
     if (strcmp(word, known) != 0) PetscCall(append(scalars, sizeof(scalars), word));
   text[0] = 0;
   PetscCall(append_kind(text, len, "elastic particles that touch", elastic));
-  PetscCall(append_kind(text, len, "drops", drops));
+  PetscCall(DropCellsArePromised(l, &promised));
+  if (!promised) PetscCall(append_kind(text, len, "drops", drops));
   PetscCall(append_kind(text, len, "scalars", scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -206,7 +209,7 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, Solids solids, P
   }
   if (!asked) PetscFunctionReturn(PETSC_SUCCESS);
   if (solids) PetscCall(SolidPromiseIsAlone(bodies, solids, &alone));
-  PetscCall(list_unknown(scalar, alone, unknown, sizeof(unknown)));
+  PetscCall(list_unknown(l, scalar, alone, unknown, sizeof(unknown)));
   if (unknown[0])
     PetscCall(LogRemark("-preset %s promises its %s %% of the flow and of bodies, and nothing of %s: compare with "
                         "a finer mesh and a shorter step",

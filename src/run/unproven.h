@@ -1,7 +1,7 @@
 /* Unproven: what presets know of scalars, and what of materials they do not.
 
-   Promises (promise.h, solidpromise.h) are of the flow, of rigid bodies and of elastic particles that touch
-   nothing. Of drops nothing is known. Of scalars one thing is: the boundary layer of heat that drives the flow in a
+   Promises (promise.h, solidpromise.h, dropcells.h) are of the flow, of rigid bodies, of elastic particles that touch
+   nothing and of drops in the plane. Of scalars one thing is: the boundary layer of heat that drives the flow in a
    closed box, without bodies or with bodies held at a value, H/Ra^(1/4) (Gill 1966), H the height along gravity, Ra =
    g expansion difference H^3/(kinematic viscosity diffusivity) with the largest difference of values at boundaries
    and of bodies; where the Prandtl number is below 1, that of the flow, H/(Ra/Pr)^(1/4). */

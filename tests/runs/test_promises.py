@@ -1,10 +1,13 @@
 """Promises of presets, and what a run says of them; small slips that a scene must not make alone."""
 import csv
 import json
+import math
 import re
 from pathlib import Path
 
 import pytest
+
+from conftest import read_rows
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -326,3 +329,29 @@ def test_elastic_particles(run, name, options, preset, message):
     else:
         assert not result.status, result.text
     assert (name == "soft-disc-cavity") == ("couple_method penalty of the scene" in result.text)
+
+
+def test_drops_need_cells_a_radius(run):
+    """Decay of a drop in a gas 25, 4.8, .9, .5 % off with 2, 3, 4, 6 cells a radius (runs/studies/drops/notes.md)"""
+    bubble = [ROOT / "runs/bubble-rising.yaml", "-scene_dry_run"]
+    for preset, cells, has, other in ("fast", "8,16", "2 cells a radius and need 3", ""), ("balanced", "12,24", "3 cells a radius and need 4", "fast (5 %)"), ("accurate", "20,40", "5 cells a radius and need 8", "balanced (1 %)"):
+        refused = run([*bubble, "-preset", preset, "-mesh_cells", cells])
+        assert refused.status and has in refused.text and other in refused.text, refused.text
+    for preset, cells in ("fast", "12,24"), ("balanced", "16,32"), ("accurate", "32,64"):
+        kept = run([*bubble, "-preset", preset, "-mesh_cells", cells])
+        assert not kept.status and "nothing of" not in kept.text, kept.text
+    beside = run([ROOT / "runs/disc-at-interface.yaml", "-preset", "accurate", "-scene_dry_run"])
+    assert beside.status and "beside drops rigid bodies are held by the penalty" in beside.text, beside.text
+    for other in ["-couple_drops", "regularised"], []:
+        name = "bubble-rising" if other else "bubble-rising-3d"
+        asked = run([ROOT / f"runs/{name}.yaml", "-preset", "fast", "-scene_dry_run", *other])
+        assert not asked.status and "nothing of drops (bubble)" in asked.text, asked.text
+
+
+def test_presets_shorten_the_steps_of_drops(run):
+    """By the period of the slowest wave of the box, .564, and what viscosity takes"""
+    for preset, steps in (None, None), ("fast", 60), ("balanced", 120):
+        wave = run([ROOT / "runs/capillary-wave.yaml", "-mesh_cells", "8,32", "-sim_dt", "0.02", "-sim_steps", "1", "-output_overwrite", "-output_dir", "out", *(["-preset", preset] if preset else [])])
+        assert not wave.status, wave.text
+        period, slow = 2 * math.pi / math.sqrt(6 / (2 * 0.289**3)), 28 * 2 * 0.0182574 * 0.289
+        assert read_rows(wave.folder / "out/series.csv")[0]["dt"] == pytest.approx((period + slow) / steps if preset else 0.02, rel=1e-3)
