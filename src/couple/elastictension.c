@@ -3,6 +3,9 @@
 #include "elastic.h"
 #include "impl.h"
 
+#define STUCK \
+  "The tension that holds the area of a membrane does not move it, or the wrong way: it is nearly round, or it buckles: use a shorter step (-sim_dt), a smaller -particle_<group>_global_area_modulus or more -particle_<group>_bending"
+
 PetscErrorCode ElasticTensionsCreate(Elastic *e)
 {
   ElasticTensions *t = &e->tensions;
@@ -15,7 +18,7 @@ PetscErrorCode ElasticTensionsCreate(Elastic *e)
   for (PetscInt k = 0, i = 0; k < e->s->n; k++) {
     if (!(e->s->group[e->s->group_of[k]].material.global > 0)) continue;
     t->solid[i] = k;
-    t->row[i++] = (FlowIntegral){.stuck = "The tension of a membrane whose area is held moves nothing"};
+    t->row[i++] = (FlowIntegral){.stuck = STUCK};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,7 +17,8 @@ enum {
   FLUX,
   FORCE
 };
-#define STUCK "A uniform force does not move the fluid along the axes of -flow_rate"
+#define STUCK \
+  "A uniform force does not move the fluid along the axes of -flow_rate, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_solver direct"
 static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
 
 struct _p_FlowRateControl {

@@ -5,6 +5,7 @@
 
 #define VOLUME_IT  10
 #define VOLUME_TOL 1e-13
+#define FARTHEST   0.2  /* stretch */
 #define ROUND      1e-3 /* rate of an area as it is stretched, over the area: below it is nearly round */
 
 /* The volume that a membrane encloses, normals n [nnode][dim] at its nodes (means of those around them, of length 1; 0
@@ -91,7 +92,7 @@ static void find_stretch(const SolidMesh *m, const PetscBool held[], const Petsc
 }
 
 /* How far nodes are to be stretched on top of a step `along` the normals n for that area; 0: it cannot be had so.
-   work [2][nnode][dim]; w, in it, is the direction */
+   work [2][nnode][dim], in it first the direction */
 static PetscReal stretch_for(const SolidMesh *m, const PetscBool held[], PetscReal area, const PetscReal x[],
                              const PetscReal n[], PetscReal along, PetscReal work[])
 {
@@ -105,10 +106,36 @@ static PetscReal stretch_for(const SolidMesh *m, const PetscBool held[], PetscRe
   return rate > ROUND * area ? lack / rate : 0;
 }
 
+/* Nodes x of a membrane moved for its volume, and for that area (0: any); work [3][nnode][dim]. Are both met? An area
+   that is less than any shape of the volume has is not. */
+static PetscBool move_nodes(const SolidMesh *m, const PetscBool held[], PetscReal area, PetscReal x[], PetscReal work[],
+                            PetscReal *error)
+{
+  const PetscInt all = m->dim * m->nnode;
+  PetscReal     *n = work + 2 * all, volume, rate, total = 0;
+
+  for (PetscInt it = 0; it < VOLUME_IT; it++) {
+    PetscReal along, stretch;
+
+    for (PetscInt i = 0; i < all; i++) n[i] = 0;
+    find_normals(m, held, x, &volume, n, &rate);
+    if (!it) *error = volume / m->volume - 1;
+    along   = (m->volume - volume) / rate;
+    stretch = area > 0 ? stretch_for(m, held, area, x, n, along, work) : 0;
+    if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume && PetscAbsReal(stretch) <= VOLUME_TOL)
+      return PETSC_TRUE;
+    total += PetscAbsReal(stretch);
+    if (!(total < FARTHEST)) return PETSC_FALSE;
+    for (PetscInt i = 0; i < all; i++) x[i] += along * n[i] + stretch * work[i];
+  }
+  return PETSC_FALSE;
+}
+
 PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], PetscReal area, PetscReal x[],
                                PetscReal *error)
 {
-  PetscReal *n, *work, volume, rate, along, stretch;
+  const PetscInt all = m->dim * m->nnode;
+  PetscReal     *before, *work;
 
   PetscFunctionBeginUser;
   *error = 0;
@@ -116,16 +143,12 @@ PetscErrorCode SolidKeepVolume(const SolidMesh *m, const PetscBool held[], Petsc
     scale(m, x, error);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(PetscCalloc2(m->dim * m->nnode, &n, 2 * m->dim * m->nnode, &work));
-  for (PetscInt it = 0; it < VOLUME_IT; it++) {
-    PetscCall(PetscArrayzero(n, m->dim * m->nnode));
-    find_normals(m, held, x, &volume, n, &rate);
-    if (!it) *error = volume / m->volume - 1;
-    along   = (m->volume - volume) / rate;
-    stretch = area > 0 ? stretch_for(m, held, area, x, n, along, work) : 0;
-    if (PetscAbsReal(volume - m->volume) <= VOLUME_TOL * m->volume && PetscAbsReal(stretch) <= VOLUME_TOL) break;
-    for (PetscInt i = 0; i < m->dim * m->nnode; i++) x[i] += along * n[i] + stretch * work[i];
+  PetscCall(PetscCalloc2(all, &before, 3 * all, &work));
+  PetscCall(PetscArraycpy(before, x, all));
+  if (!move_nodes(m, held, area, x, work, error) && area > 0) {
+    PetscCall(PetscArraycpy(x, before, all));
+    (void)move_nodes(m, held, 0, x, work, error);
   }
-  PetscCall(PetscFree2(n, work));
+  PetscCall(PetscFree2(before, work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

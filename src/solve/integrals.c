@@ -206,8 +206,7 @@ PetscErrorCode FlowSolverHoldIntegrals(FlowSolver fs, PetscReal u[], PetscReal p
     PetscCall(improve_rows(fs, (PetscBool)(stuck < 0), its, reason, &converged));
   }
   PetscCall(find_forces(fs, deficit, &stuck));
-  PetscCheck(stuck < 0, fs->comm, PETSC_ERR_NOT_CONVERGED,
-             "%s, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_solver direct", row[stuck].is->stuck);
+  PetscCheck(stuck < 0, fs->comm, PETSC_ERR_NOT_CONVERGED, "%s", row[stuck].is->stuck);
   for (PetscInt i = 0; i < fs->integrals.n; i++) PetscCall(VecAXPY(fs->vec.x, row[i].is->force, row[i].z));
   PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
   PetscCall(PetscFree(deficit));

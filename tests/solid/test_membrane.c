@@ -253,6 +253,12 @@ static void test_area(void **state)
     OK(SolidKeepVolume(&s->group[0].mesh, s->group[0].clamped, s->group[0].mesh.area, s->x, &error));
     SolidsMeasure(b, 0, &sums);
     NEAR(sums.volume, s->group[0].mesh.volume, 1e-12);
+    for (PetscInt e = 0; e < dim * s->nnode; e += dim)
+      s->x[e] *= 1.02; /* an ellipse: 2 % less than a circle's cannot be */
+    OK(SolidKeepVolume(&s->group[0].mesh, s->group[0].clamped, 0.98 * s->group[0].mesh.area, s->x, &error));
+    SolidsMeasure(b, 0, &sums);
+    NEAR(sums.volume, s->group[0].mesh.volume, 1e-12);
+    NEAR(sums.stretch_max, 1.01, 0.02);
     OK(SolidsDestroy(&b));
   }
 }

@@ -11,7 +11,7 @@
   tools/fuzz --seeds 2001-2200 --output out/fuzz from 2001 on the scenes of below with scalars in the flow and on bodies (kinds/fuzzscalars.py)
   tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops (kinds/fuzzdrops.py)
   tools/fuzz --seeds 4001-4200 --output out/fuzz from 4001 on elastic particles (kinds/fuzzsolids.py)
-  tools/fuzz --seeds 5001-5200 --output out/fuzz from 5001 on membranes (kinds/fuzzsolids.py)
+  tools/fuzz --seeds 5001-5200 --output out/fuzz from 5001 on membranes, from 5501 on with areas held, and beside elastic solids (kinds/fuzzsolids.py)
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, methods, presets, ranks are drawn from it.
 A run ends as

@@ -1,6 +1,7 @@
 """Random scenes with elastic particles, of tools/fuzz for its seeds from 4001 on: shapes, both laws, stiffness from liquid to nearly rigid, ratios
 of density, held or free, several a group, beside walls, rigid discs and one another, in streams and periodic boxes, in the plane and in space.
-From 5001 on membranes likewise: both laws, resistance to area and bending, a fluid inside of another viscosity.
+From 5001 on membranes likewise: both laws, resistance to area and bending, a fluid inside of another viscosity; from 5501 on membranes whose
+area is held as a whole, half of them beside elastic solids, or with one inside.
 
 A run that ends must keep what elastic particles promise: areas and volumes of incompressible ones, places in the domain, speeds that stream and
 gravity can have made, balance of momentum and books of energy; a restart on other ranks ends at the same places.
@@ -11,7 +12,7 @@ import random
 
 from kinds.fuzzdraws import MOMENTUM, power, some
 
-FIRST, MEMBRANES = 4001, 5001
+FIRST, MEMBRANES, MIXED = 4001, 5001, 5501
 VOLUME = 0.03  # of an incompressible one, after the first steps of a scene that was drawn without regard to its step
 SPEED = 20  # times what stream and gravity can have made
 BOOKS = 0.05  # of what was lost
@@ -91,6 +92,26 @@ def draw_membrane(draw, s, slot):
         body["viscosity"] = s.viscosity * power(draw, -1.5, 1.5)
     put_several(draw, slot, body)
     return body
+
+
+def draw_held(draw, s, slot):
+    """A membrane whose area is held as a whole, or, in the first slot of two, a solid"""
+    if slot == (0.2, 0.4) and some(draw, 0.6):
+        return draw_solid(draw, s, slot)
+    body = draw_membrane(draw, s, slot)
+    if some(draw, 0.7):
+        body["global_area_modulus"] = body["surface_modulus"] * power(draw, -1, 4)
+    return body
+
+
+def put_inside(draw, s, particle, flow):
+    """Now and then a nucleus in a round membrane"""
+    around = particle["one"]
+    if around["material"] != "membrane" or around["shape"] != "circle" or "position" not in around or not some(draw, 0.4):
+        return
+    particle["groups"].append("nucleus")
+    particle["nucleus"] = {"shape": "circle", "radius": 0.4 * s.radius, "density": s.density * s.ratio, "material": "neo_hookean", "shear_modulus": s.modulus, "position": around["position"]}
+    flow["solver"] = "direct"
 
 
 def draw_walls(draw, s, scene):
@@ -179,6 +200,9 @@ def check_solids(run, scene, s):
 def draw_solids(seed):
     """Kind, scene, ranks, scales, files, check, as fuzzkinds.draw_kind"""
     draw = random.Random(f"solids {seed}")
-    kind, draw_particle = ("membranes", draw_membrane) if seed >= MEMBRANES else ("solids", draw_solid)
+    kind, draw_particle = ("mixed", draw_held) if seed >= MIXED else ("membranes", draw_membrane) if seed >= MEMBRANES else ("solids", draw_solid)
     scene, s = draw_scene(draw, draw_particle)
+    if seed >= MIXED:
+        put_inside(draw, s, scene["particle"], scene["flow"])
+        scene["couple"]["method"] = draw.choice(["aligned", "penalty", "penalty", "penalty"])
     return kind, scene, draw.choice([1, 1, 1, 2]), s, {"outline.txt": "0 0\n3 0\n3 1.2\n1.2 1.2\n1.2 2\n0 2\n"}, check_solids
