@@ -6,7 +6,9 @@
    interface at its inner end, which is Young's force, in the rows of its motion like every force on its nodes.
 
    The fluid in a body has the density that the rows of bodies reckon with, that of the fluid around, so that the
-   density of cells that the surface cuts is between that and the drop's. The volume that a drop keeps is the one
+   density of cells that the surface cuts is between that and the drop's. Gravity pulls at it as at the fluid that it
+   takes the place of, and the body gives that back: else cells side by side have other pressures at rest, and fluid
+   creeps around the body. The volume that a drop keeps is the one
    outside of bodies. */
 #include "compat.h"
 #include "drops.h"
@@ -17,7 +19,11 @@
 #include "base/algebra.h"
 #include "base/face.h"
 #include "bodies/local.h"
+#include "bodies/mass.h"
 #include "fem/edge.h"
+#include "fem/element.h"
+#include "fem/gauss.h"
+#include "flow/condition.h"
 
 #define PIECES 12  /* of an edge or along both directions of a face, where the surface of a body cuts it */
 #define POINTS 600 /* of a body's surface, in space ten times as many */
@@ -187,6 +193,117 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
   f->met = PETSC_TRUE;
   PetscCall(PetscFree(inside));
   PetscCall(DropsSetProperties(f, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- weight inside of bodies ---- */
+
+/* force [nb][dim] += load times the integrals of the basis over a cell with nodes xc */
+static void add_load(PetscInt dim, PetscInt nb, const PetscReal xc[], const PetscReal load[], PetscReal force[])
+{
+  for (PetscInt q = 0; q < nb; q++) {
+    const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
+    PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], w;
+
+    ElementBasis(dim, xi, phi, dphi);
+    ElementMap(dim, xc, xi, x, J);
+    w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
+        DenseDeterminant(dim, J);
+    for (PetscInt j = 0; j < dim * nb; j++) force[j] += w * phi[j / dim] * load[j % dim];
+  }
+}
+
+/* Of a part of a body in an own cell of a drop: gravity on the nodes, where no wall takes it, and what the body gives
+   back, about its centre */
+static PetscErrorCode add_weight(CoupleDrops *f, Couple c, const CutCell *cut, PetscReal size, PetscReal sum[6])
+{
+  const MeshLocal     *l    = c->loc;
+  const PetscInt      *node = l->cell_node + cut->cell * l->nb, dim = l->dim;
+  const DropGroup     *g    = f->s->group + f->s->drop[DropsFind(f->s, f->cell_drop[cut->cell])].group;
+  const PetscReal      part = cut->moments < 0 ? 1 : cut->volume / PetscPowRealInt(size, (int)dim);
+  PetscReal            load[3], xc[3 * MESH_MAX_NB], force[3 * MESH_MAX_NB] = {0};
+  const unsigned char *fixed;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  for (PetscInt a = 0; a < 3; a++) load[a] = part * (g->density - c->par->density) * c->par->gravity[a];
+  PetscCall(MeshCellCoordinates(c->mesh, cut->cell, xc));
+  add_load(dim, l->nb, xc, load, force);
+  for (PetscInt j = 0; j < l->nb; j++) {
+    PetscReal arm[3] = {0}, F[3] = {0}, torque[3];
+
+    for (PetscInt a = 0; a < dim; a++) {
+      F[a]   = fixed[node[j]] >> a & 1 ? 0 : force[dim * j + a];
+      arm[a] = MeshNearest(l, a, xc[dim * j + a] - c->rigid.X[cut->body][a]);
+      f->weigh[dim * node[j] + a] += F[a];
+    }
+    cross(arm, F, torque);
+    for (PetscInt a = 0; a < 3; a++) {
+      sum[a] -= F[a];
+      sum[3 + a] -= torque[a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsWeighBodies(CoupleDrops *f, Couple c)
+{
+  CutCells         cells;
+  const CutCell   *cut;
+  const PetscReal *size;
+  PetscReal(*sum)[6];
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(f->weight_of_bodies));
+  PetscCall(PetscCalloc1(c->s->n, &f->weight_of_bodies));
+  sum = f->weight_of_bodies;
+  PetscCall(PetscArrayzero(f->weigh, c->loc->dim * c->loc->nnode_all));
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
+  PetscCall(CutCellsGet(cells, &n, &cut));
+  for (PetscInt t = 0; t < n; t++)
+    if (cut[t].cell < c->loc->ncell && f->cell_drop[cut[t].cell] >= 0)
+      PetscCall(add_weight(f, c, cut + t, size[cut[t].cell], sum[cut[t].body]));
+  PetscCall(FlowAddForce(c->flow, &f->weigh, f->weigh));
+  PetscCall(BodiesSumLocal(c->bodies, 6, (PetscReal *)sum));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal out[6];
+
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], sum[k], sum[k] + 3, out));
+    for (PetscInt i = 0; i < c->nr; i++) c->rigid.g[k * c->nr + i] += out[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAddForces(CoupleDrops *f, Couple c)
+{
+  PetscReal(*force)[3], (*torque)[3];
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
+  for (PetscInt i = 0; i < 3 * c->s->n; i++) {
+    force[i / 3][i % 3] += f->weight_of_bodies[i / 3][i % 3];
+    torque[i / 3][i % 3] += f->weight_of_bodies[i / 3][3 + i % 3];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAddWeightPower(CoupleDrops *f, Couple c, PetscReal *power)
+{
+  PetscReal sum = 0, out[6];
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) sum += f->weigh[i] * c->field.u[i];
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], f->weight_of_bodies[k], f->weight_of_bodies[k] + 3, out));
+    for (PetscInt i = 0; i < c->nr && c->s->own[k]; i++) sum += out[i] * c->rigid.U[k * c->nr + i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
+  *power += sum;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -23,6 +23,8 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree6(f->way, f->corr, f->shift, f->velocity, f->force, f->weight));
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
+  PetscCall(PetscFree(f->weigh));
+  PetscCall(PetscFree(f->weight_of_bodies));
   PetscCall(PetscFree2(f->fraction, f->by_middle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,6 +47,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
+  if (f->meets) PetscCall(PetscMalloc1(n, &f->weigh));
   if (f->meets || f->regular) PetscCall(PetscMalloc2(ncell, &f->fraction, ncell, &f->by_middle));
   for (PetscInt e = 0; e < ncell && f->fraction; e++) {
     f->fraction[e]  = 1;
@@ -116,6 +119,7 @@ static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCall(DropsAssemble((CoupleDrops *)data, c));
+  PetscCall(DropsWeighBodies((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,6 +138,14 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
   PetscCall(DropsAddWetted(f, c, &w->energy));
+  PetscCall(DropsAddWeightPower(f, c, &w->power));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_forces(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsAddForces((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -272,6 +284,7 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .prepare      = take_bodies,
                                         .rows         = assemble,
                                         .solved       = solved,
+                                        .force        = add_forces,
                                         .balance      = balance,
                                         .energy       = add_energy,
                                         .losses       = add_losses,

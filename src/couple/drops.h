@@ -54,8 +54,10 @@ typedef struct CoupleDrops {
   /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
      of the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
-  PetscReal *force;  /* [nnode_all][dim] */
-  PetscReal *weight; /* [nnode_all] diagonal of the terms */
+  PetscReal *force; /* [nnode_all][dim] */
+  PetscReal *weigh; /* [nnode_all][dim] gravity on what bodies take the place of; NULL: there are none that drops wet */
+  PetscReal (*weight_of_bodies)[6]; /* [bodies] what they give back of it, force and torque */
+  PetscReal *weight;                /* [nnode_all] diagonal of the terms */
   PetscInt   nterm, term_capacity, *term_cell;
   PetscReal *term; /* [nterm][nb][nb] */
 } CoupleDrops;
@@ -71,6 +73,13 @@ PetscErrorCode DropsReadAngles(CoupleDrops *, Couple);
 PetscErrorCode DropsMeetBodies(CoupleDrops *, Couple);
 /* After bodies have been drawn: their parts of cells, in the density and in the volumes of drops. Collective. */
 PetscErrorCode DropsTakeBodies(CoupleDrops *, Couple);
+/* Gravity on what bodies take the place of, on nodes inside, and its opposite in the rows of the bodies, which are
+   filled. Collective. */
+PetscErrorCode DropsWeighBodies(CoupleDrops *, Couple);
+/* What both do. After the solve. Collective. */
+PetscErrorCode DropsAddWeightPower(CoupleDrops *, Couple, PetscReal *power);
+/* After the forces on bodies have been found: these are without that. Local. */
+PetscErrorCode DropsAddForces(CoupleDrops *, Couple);
 /* What the energy of surfaces is more than tension times length where bodies are wetted: less what of the interface is
    inside of them, and tension times cosine of the angle for what of their surface is in a drop. After the solve.
    Collective. */
