@@ -56,6 +56,9 @@ PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
    velocities are given. Nothing with a method that has no fluid inside, or with nodal, where a remark says so unless
    the flow will be solved for with the bodies held at their velocities. Collective. */
 PetscErrorCode CoupleStartInside(Couple, PetscBool solved);
+/* The flow of the start has been solved for, with elastic particles in it: they begin with what was found, given or
+   not; what they lost or won has gone to the flow. Not collective. */
+PetscErrorCode CoupleStartSolids(Couple);
 /* Does the mesh line up with surfaces (method aligned)? Local. */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
 /* A film in space that is as wide as a cell or narrower resists like one that is wider by this offset, in cells, with

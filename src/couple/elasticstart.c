@@ -140,3 +140,14 @@ PetscErrorCode ElasticStartInside(Elastic *e, Couple c, PetscReal u[], PetscBool
   PetscCall(PetscFree(before));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode CoupleStartSolids(Couple c)
+{
+  const Elastic *e = c->elastic;
+
+  PetscFunctionBeginUser;
+  if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArraycpy(e->s->u, e->u, e->s->nnode * e->s->dim));
+  PetscCall(PetscArraycpy(e->s->u_old, e->u, e->s->nnode * e->s->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -126,6 +126,7 @@ static PetscErrorCode project(const SimComponents *p)
              KSPConvergedReasons[reason]);
   PetscCall(CoupleGetSolution(p->couple, &u, &q));
   PetscCall(FlowStartFrom(p->flow, u, NULL));
+  PetscCall(CoupleStartSolids(p->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
