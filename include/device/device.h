@@ -195,6 +195,15 @@ typedef struct {
   double       *x, *y;   /* [2][n][3] numbers 0 to 2, then the last, 0, 0: as they are, times the operator */
 } DeviceEntries;
 
+/* The part of a cell, a box along the axes, that lies in a ball: its lowest corner as seen from the centre, its edges,
+   the radius (of a whole cell larger than all), the way in which the share at a sample falls from 1 to 0; moments are
+   multiplied by factor */
+typedef struct {
+  double lower[3], edge[3], radius, width, factor;
+} DeviceBall;
+
+#define DEVICE_MAX_SAMPLES 20
+
 typedef struct {
   /* y [nnode][3] += factor times the rigid velocities U [nbody][6]; out [nbody][6] = factor times the forces and
      torques of x [nnode][3] */
@@ -206,6 +215,9 @@ typedef struct {
   /* y [nnode][3] += the parts times x; d [nnode] += their diagonal */
   int (*multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double x[], double y[]);
   int (*add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double d[]);
+  /* Moments of parts in balls: ball [n], by nsample^3 samples each, go to places place [n] of moment */
+  int (*make_moments)(const DeviceQueue *, int n, int nsample, const int place[], const DeviceBall ball[],
+                      double moment[]);
   /* Rows of the pressure near bodies, made there: rows row [n], each once, of B W B^T with weights [nnode][3], at
      places at [n] of their own; place [ncell]: of cells in groups */
   int (*make_rows)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, const int place[],

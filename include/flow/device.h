@@ -19,6 +19,17 @@ PetscErrorCode FlowDivergenceOnDevice(Flow, PetscReal factor, const PetscReal u[
 PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[], PetscReal y[]);
 /* y += factor Mp^{-1} r */
 PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal r[], PetscReal y[]);
+/* Terms of FlowAddCellTerms, after that: integrals over a part of each cell of products of two basis functions at
+   lattice positions, as products of 6 pairs along the axes (00 01 02 11 12 22, the last axis slowest). without [n]:
+   bits of slots whose rows and columns are left out; ball [n], where edge[0] > 0: what the moments are made from there,
+   by nsample samples an axis (NULL: none is); moment [..][216]: of the others, in their order. Borrowed. Local. */
+typedef struct {
+  const PetscInt   *without;
+  const DeviceBall *ball;
+  PetscInt          nsample;
+  const PetscReal  *moment;
+} FlowMoments;
+PetscErrorCode FlowDescribeCellTerms(Flow, const void *owner, const FlowMoments *);
 /* Rows row [n] of B W B^T to places at [n], weight [nnode][dim]: see DeviceBodyKernels. Of all cells on one rank. */
 PetscErrorCode FlowMakeRowsOnDevice(Flow, const PetscReal weight[], PetscInt n, const int row[], const int at[],
                                     const DeviceRows *);

@@ -156,11 +156,6 @@ PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal
 
 /* Terms of S: matrices [n][nb][nb] of local cells, own and ghost; a cell may appear twice. Local. */
 PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
-/* The same terms in space for a device (device.h), which makes them there: integrals over a part of each cell of
-   products of two basis functions at lattice positions, as products of 6 pairs along the axes (00 01 02 11 12 22, the
-   last axis slowest): moment [n][216]; without [n]: bits of slots whose rows and columns are left out. After
-   FlowAddCellTerms. Local. */
-PetscErrorCode FlowDescribeCellTerms(Flow, const void *owner, const PetscReal moment[], const PetscInt without[]);
 /* lumped [nnode_all], borrowed: what of the same terms counts as mass for the pressure, complete on all nodes. After
    FlowAddCellTerms, on ranks without terms too. Local. */
 PetscErrorCode FlowCountCellTerms(Flow, const void *owner, const PetscReal lumped[]);

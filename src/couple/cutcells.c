@@ -8,6 +8,8 @@
 #define MAX_SAMPLES CUT_MAX_SAMPLES
 #define NPAIR       6 /* products of two of the three functions of an axis */
 #define CHUNK       256
+#define ROUND_OFF   1e-14
+#define EVERYWHERE  1e100 /* radius of a ball that holds all */
 #define BOX         1e-10 /* nodes of a box are at their places to this share of its sides */
 
 static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
@@ -39,44 +41,6 @@ struct _p_CutCells {
   unsigned char   *filled;       /* [samples] rows along the first axis that may have weights */
   SampleBlock     *block, *half; /* [samples] */
 };
-
-/* ---- sizes of cells ---- */
-
-PetscErrorCode CutCellRadius(Mesh mesh, PetscInt cell, PetscReal *radius)
-{
-  const MeshLocal *l;
-  PetscReal        xc[MESH_MAX_NB * 3], r2 = 0;
-  const PetscReal *centre;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(MeshCellCoordinates(mesh, cell, xc));
-  centre = xc + (l->nb / 2) * l->dim;
-  for (PetscInt j = 0; j < l->nb; j++) {
-    PetscReal s = 0;
-
-    for (PetscInt a = 0; a < l->dim; a++) s += PetscSqr(xc[j * l->dim + a] - centre[a]);
-    r2 = PetscMax(r2, s);
-  }
-  *radius = 1.1 * PetscSqrtReal(r2);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CutCellReach(Mesh mesh, PetscReal *reach)
-{
-  const MeshLocal *l;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(mesh, &l));
-  *reach = 0;
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal radius;
-
-    PetscCall(CutCellRadius(mesh, c, &radius));
-    *reach = PetscMax(*reach, radius);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- samples of a cell ---- */
 
@@ -394,26 +358,49 @@ static PetscErrorCode cut_cell(CutCells p, PetscInt cell, PetscInt k, const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_cut_cell(CutCells p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole,
-                                   PetscReal volume)
+/* part: of which body */
+static PetscErrorCode add_cut_cell(CutCells p, const CutCell *part, PetscInt cell, PetscBool whole, PetscReal volume)
 {
+  CutCell *cut;
+
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(p->ncut + 1, &p->cut_capacity, &p->cut, sizeof(*p->cut), NULL));
-  p->cut[p->ncut++] = (CutCell){.cell    = cell,
-                                .body    = k,
-                                .volume  = volume,
-                                .moments = whole ? -1 : p->nmoments,
-                                .P       = {P[0], P[1], P[2]}};
+  cut          = p->cut + p->ncut++;
+  *cut         = *part;
+  cut->cell    = cell;
+  cut->volume  = volume;
+  cut->moments = whole ? -1 : p->nmoments;
   if (!whole) p->nmoments += moment_count(p);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The radius of body k if its distance is that of a ball to round-off, inside and outside, else 0 */
+static PetscErrorCode find_ball(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal *radius)
+{
+  const PetscReal r = BodiesGetDisc(p->s, k);
+  PetscReal       x[16 * 3], d[16];
+
+  PetscFunctionBeginUser;
+  *radius = r;
+  if (!(r > 0)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 16; i++)
+    for (PetscInt a = 0; a < 3; a++)
+      x[3 * i + a] = X[a] + ((i >> a) & 1 ? 1 : -1) * (a + 1) * r / PetscSqrtReal(14.0) * (i < 8 ? 0.9 : 1.1);
+  PetscCall(BodiesDistance(p->bodies, k, X, q, 16, x, d));
+  for (PetscInt i = 0; i < 16; i++)
+    if (!(PetscAbsReal(PetscAbsReal(d[i]) - 0.1 * r) <=
+          ROUND_OFF * (r + PetscAbsReal(X[0]) + PetscAbsReal(X[1]) + PetscAbsReal(X[2]))))
+      *radius = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4],
                                 const PetscReal P[3])
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim;
-  const PetscReal  far = BodiesGetRadius(p->s, k) + p->reach;
+  const MeshLocal *l    = p->loc;
+  const PetscInt   dim  = l->dim;
+  const PetscReal  far  = BodiesGetRadius(p->s, k) + p->reach;
+  CutCell          part = {.body = k, .P = {P[0], P[1], P[2]}, .X = {X[0], X[1], X[2]}};
   PetscReal        x[CHUNK * 3], d[CHUNK];
   const PetscReal *size;
   const PetscInt  *list;
@@ -421,6 +408,7 @@ static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], co
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(p->flow, &size));
+  if (dim == 3 && FlowGetQueue(p->flow)) PetscCall(find_ball(p, k, X, q, &part.radius));
   PetscCall(MeshNodesInBox(p->mesh, X, far, &n, &list));
   for (PetscInt i = 0; i < n;) {
     PetscInt cell[CHUNK], m = 0;
@@ -443,7 +431,7 @@ static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], co
         ArrayReserve(p->nmoments + moment_count(p), &p->moments_capacity, &p->moments, sizeof(*p->moments), NULL));
       if (d[j] < -radius) volume = PetscPowRealInt(size[cell[j]], (int)dim);
       else PetscCall(cut_cell(p, cell[j], k, X, q, p->moments + p->nmoments, &whole, &volume));
-      if (volume > 0) PetscCall(add_cut_cell(p, cell[j], k, P, whole, volume));
+      if (volume > 0) PetscCall(add_cut_cell(p, &part, cell[j], whole, volume));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -497,6 +485,22 @@ void CutCellsGetMatrix(CutCells p, const CutCell *cut, const PetscReal moment[],
 
   for (PetscInt e = 0; e < nb * nb; e++) pen[e] = sigma * moment[p->moment[e]];
   MeshCellMatrix(p->loc, cut->cell, 1, nb, pen);
+}
+
+PetscErrorCode CutCellsGetBall(CutCells p, const CutCell *cut, PetscReal sigma, DeviceBall *ball)
+{
+  PetscReal        xc[MESH_MAX_NB * 3];
+  const PetscReal *size;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(p->flow, &size));
+  PetscCall(MeshCellCoordinates(p->mesh, cut->cell, xc));
+  *ball = (DeviceBall){.radius = cut->moments < 0 ? EVERYWHERE : cut->radius,
+                       .width  = size[cut->cell] / p->nsample,
+                       .factor = sigma};
+  for (PetscInt a = 0; a < 3; a++) ball->lower[a] = xc[a] - cut->X[a];
+  if (ball->radius <= 0 || !MeshIsBox(3, p->loc->nb, xc, BOX, ball->edge)) ball->edge[0] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CutCellsGet(CutCells p, PetscInt *n, const CutCell *cut[])

@@ -7,6 +7,7 @@
    samples with the six products of the one-dimensional functions. */
 #pragma once
 #include "bodies/bodies.h"
+#include "flow/device.h"
 #include "flow/flow.h"
 
 typedef struct _p_CutCells *CutCells;
@@ -14,7 +15,8 @@ typedef struct _p_CutCells *CutCells;
 typedef struct {
   PetscInt  cell, body, moments; /* moments: offset in the pool, -1 for a whole cell */
   PetscReal volume;              /* of the part */
-  PetscReal P[3];                /* reference point of the body, as the image that meets the cell */
+  PetscReal P[3], X[3];          /* reference point and place of the body, as the image that meets the cell */
+  PetscReal radius;              /* of the body, if its distance is that of a ball; 0: of others */
 } CutCell;
 
 #define CUT_MAX_SAMPLES 20
@@ -37,5 +39,8 @@ PetscErrorCode CutCellsGet(CutCells, PetscInt *n, const CutCell *cut[]);
    the last axis slowest). Borrowed until the next call. */
 #define CUT_MOMENTS 216
 PetscErrorCode CutCellsGetMoments(CutCells, const CutCell *, const PetscReal *moment[]);
+/* What a device draws them from, times sigma: of parts of balls and whole cells, in cells that are boxes in space; of
+   others edge[0] is 0. */
+PetscErrorCode CutCellsGetBall(CutCells, const CutCell *, PetscReal sigma, DeviceBall *);
 /* From them pen [nb][nb]: sigma int phi_i phi_j over the part. */
 void CutCellsGetMatrix(CutCells, const CutCell *, const PetscReal moment[], PetscReal sigma, PetscReal pen[]);

@@ -23,11 +23,13 @@ struct _p_Penalty {
   PetscBool        fresh; /* drawn, and not stiffened since */
   /* scalar part for the flow */
   PetscInt   nterm, term_capacity, *term_cell, *term_body;
-  PetscReal *term;                      /* [nterm][nb*nb] */
-  PetscInt   moment_capacity, *without; /* of the same, for a flow on a device */
-  PetscReal *moment;
-  PetscInt   slip_capacity;
-  PetscReal *slip; /* [nterm][nb*dim] of the body's surface, continued to the nodes of the cell; NULL: none */
+  PetscReal *term; /* [nterm][nb*nb] */
+  PetscInt   described_capacity, *without, nmoment,
+    moment_capacity; /* of the same, for a flow on a device (FlowMoments) */
+  DeviceBall *ball;
+  PetscReal  *moment;
+  PetscInt    slip_capacity;
+  PetscReal  *slip; /* [nterm][nb*dim] of the body's surface, continued to the nodes of the cell; NULL: none */
   /* the rest */
   PenaltyTerm penalty_term;
   PetscInt    entry_capacity, more_capacity, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
@@ -197,28 +199,34 @@ static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
   return sum / trace;
 }
 
-/* The same for a device, by its moments */
-static PetscErrorCode describe_term(Penalty p, const PetscReal moment[], PetscReal sigma, const PetscBool strong[])
+/* The same for a device, by its moments or by what these are drawn from */
+static PetscErrorCode describe_term(Penalty p, const CutCell *cut, const PetscReal moment[], PetscReal sigma,
+                                    const PetscBool strong[])
 {
   PetscReal *to;
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(p->nterm + 1, &p->moment_capacity, &p->moment, CUT_MOMENTS * sizeof(*p->moment), &p->without,
+  PetscCall(ArrayReserve(p->nterm + 1, &p->described_capacity, &p->ball, sizeof(*p->ball), &p->without,
                          sizeof(*p->without), NULL));
-  to = p->moment + p->nterm * CUT_MOMENTS;
-  for (PetscInt e = 0; e < CUT_MOMENTS; e++) to[e] = sigma * moment[e];
   p->without[p->nterm] = 0;
   for (PetscInt j = 0; j < p->loc->nb; j++)
     if (strong[j]) p->without[p->nterm] |= 1 << j;
+  PetscCall(CutCellsGetBall(p->cut_cells, cut, sigma, p->ball + p->nterm));
+  if (p->ball[p->nterm].edge[0] > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(p->nmoment + 1, &p->moment_capacity, &p->moment, CUT_MOMENTS * sizeof(*p->moment), NULL));
+  to = p->moment + p->nmoment++ * CUT_MOMENTS;
+  for (PetscInt e = 0; e < CUT_MOMENTS; e++) to[e] = sigma * moment[e];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The flow learns its part */
 static PetscErrorCode hand_over(Penalty p)
 {
+  const FlowMoments moments = {p->without, p->ball, p->nsample, p->moment};
+
   PetscFunctionBeginUser;
   PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
-  if (FlowGetQueue(p->flow)) PetscCall(FlowDescribeCellTerms(p->flow, p, p->moment, p->without));
+  if (FlowGetQueue(p->flow)) PetscCall(FlowDescribeCellTerms(p->flow, p, &moments));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -255,7 +263,7 @@ static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
     for (PetscInt j = 0; j < nb; j++)
       if (strong[i] || strong[j]) pen[i * nb + j] = 0;
   PetscCall(add_entries(p, cut, pen, scale));
-  if (FlowGetQueue(p->flow)) PetscCall(describe_term(p, moment, sigma, strong));
+  if (FlowGetQueue(p->flow)) PetscCall(describe_term(p, cut, moment, sigma, strong));
   p->term_cell[p->nterm]   = cut->cell;
   p->term_body[p->nterm++] = cut->body;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -310,8 +318,8 @@ static PetscErrorCode add_penalties(Penalty p)
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < p->penalty_term.n; e++) p->first[p->penalty_term.node[e]] = -1;
-  p->penalty_term.n = p->nterm = 0;
-  p->penalty_term.strength     = 0;
+  p->penalty_term.n = p->nterm = p->nmoment = 0;
+  p->penalty_term.strength                  = 0;
   PetscCall(FlowGetViscosity(p->flow, NULL, NULL)); /* by all ranks, before each asks for that of its cells */
   PetscCall(CutCellsGet(p->cut_cells, &ncut, &cut));
   for (PetscInt t = 0; t < ncut; t++) PetscCall(add_cut_penalty(p, cut + t));
@@ -569,6 +577,7 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscCall(PetscFree(p->slip));
   PetscCall(PetscFree(p->moment));
   PetscCall(PetscFree(p->without));
+  PetscCall(PetscFree(p->ball));
   PetscCall(PetscFree(p->penalty_term.node));
   PetscCall(PetscFree(p->penalty_term.body));
   PetscCall(PetscFree(p->penalty_term.g));

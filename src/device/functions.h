@@ -60,6 +60,8 @@ int NAME(sum_blocks)(const DeviceQueue *, const DevicePairs *, const double[], d
 /* moments.c */
 int NAME(multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double[], double[]);
 int NAME(add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double[]);
+/* makemoments.c */
+int NAME(make_moments)(const DeviceQueue *, int, int, const int[], const DeviceBall[], double[]);
 /* coupling.c */
 int NAME(place_arms)(const DeviceQueue *, const DeviceEntries *);
 int NAME(subtract_pairs)(const DeviceQueue *, const DevicePairs *, const int[], const DeviceEntries *);

@@ -53,8 +53,8 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(speeds),
   {NAME(scale_nodes), NAME(take_sizes), NAME(add_linear), NAME(sum_components)},
   {NAME(add_rigid), NAME(sum_rigid), NAME(add_blocks), NAME(sum_blocks), NAME(multiply_moments),
-   NAME(add_moments_diagonal), NAME(make_rows), NAME(add_to_diagonal), NAME(narrow), NAME(invert_rows),
-   NAME(place_arms), NAME(subtract_pairs), NAME(take_pairs), NAME(sum_entries)},
+   NAME(add_moments_diagonal), NAME(make_moments), NAME(make_rows), NAME(add_to_diagonal), NAME(narrow),
+   NAME(invert_rows), NAME(place_arms), NAME(subtract_pairs), NAME(take_pairs), NAME(sum_entries)},
   {NAME(add_restricted), NAME(add_interpolated), NAME(add_boxes), NAME(add_entries), NAME(coarsen),
    NAME(invert_sparse)},
 };

@@ -7,40 +7,93 @@
 #define G       DEVICE_GROUP
 #define MOMENTS 216
 
-/* What goes over, on the host */
+/* What goes over, on the host. given [group]: some of its moments do; the others are drawn there. */
 typedef struct {
-  int       *node, *without, *hang;
-  PetscReal *moment;
+  int        *node, *without, *hang, *place;
+  PetscReal  *moment;
+  PetscBool  *given;
+  PetscInt    nmade, nsample;
+  DeviceBall *ball;
 } Entries;
 
 static void fill_entry(const MeshLocal *l, const PetscInt number[], const CellTerms *terms, PetscInt t, PetscInt place,
-                       const Entries *to)
+                       Entries *to)
 {
   const PetscInt  c = terms->cell[t];
   const MeshHang *h = MeshCellHang(l, c);
 
   for (PetscInt j = 0; j < 27; j++) to->node[place * 27 + j] = (int)l->cell_node[c * 27 + j];
-  to->without[place] = (int)terms->without[t];
+  to->without[place] = (int)terms->moments.without[t];
   to->hang[place]    = h ? (int)number[h->code] : -1;
-  for (PetscInt m = 0; m < MOMENTS; m++)
-    to->moment[(place / G * MOMENTS + m) * G + place % G] = terms->moment[t * MOMENTS + m];
+}
+
+/* The moments of a part, or NULL: what they are drawn from */
+static void fill_moments(const DeviceBall *ball, const PetscReal moment[], PetscInt place, Entries *to)
+{
+  if (ball) {
+    to->place[to->nmade]  = (int)place;
+    to->ball[to->nmade++] = *ball;
+    return;
+  }
+  to->given[place / G] = PETSC_TRUE;
+  for (PetscInt m = 0; m < MOMENTS; m++) to->moment[(place / G * MOMENTS + m) * G + place % G] = moment[m];
+}
+
+/* Of all terms of an owner in own cells, from place n on */
+static PetscInt fill_owner(const MeshLocal *l, const PetscInt number[], const CellTerms *terms, PetscInt n, Entries *to)
+{
+  const FlowMoments *given = &terms->moments;
+  const PetscReal   *next  = given->moment;
+
+  if (given->ball) to->nsample = given->nsample;
+  for (PetscInt t = 0; t < terms->n; t++) {
+    const DeviceBall *ball   = given->ball && given->ball[t].edge[0] > 0 ? given->ball + t : NULL;
+    const PetscReal  *moment = next;
+
+    if (!ball) next += MOMENTS;
+    if (terms->cell[t] >= l->ncell) continue;
+    fill_entry(l, number, terms, t, n, to);
+    fill_moments(ball, moment, n++, to);
+  }
+  return n;
 }
 
 /* Entries of all terms of own cells; the rest of the last group is empty */
-static PetscInt fill_entries(const struct _p_Flow *f, const PetscInt number[], const Entries *to)
+static PetscInt fill_entries(const struct _p_Flow *f, const PetscInt number[], Entries *to)
 {
-  PetscInt n = 0;
+  static const PetscReal none[MOMENTS] = {0};
+  PetscInt               n             = 0;
 
-  for (PetscInt o = 0; o < f->owners.nterms; o++)
-    for (PetscInt t = 0; t < f->owners.terms[o].n; t++)
-      if (f->owners.terms[o].cell[t] < f->loc->ncell) fill_entry(f->loc, number, &f->owners.terms[o], t, n++, to);
+  for (PetscInt o = 0; o < f->owners.nterms; o++) n = fill_owner(f->loc, number, &f->owners.terms[o], n, to);
   for (PetscInt e = n; e % G; e++) {
     for (PetscInt j = 0; j < 27; j++) to->node[e * 27 + j] = -1;
     to->without[e] = 0;
     to->hang[e]    = -1;
-    for (PetscInt m = 0; m < MOMENTS; m++) to->moment[(e / G * MOMENTS + m) * G + e % G] = 0;
+    fill_moments(NULL, none, e, to);
   }
   return n;
+}
+
+/* Moments that are given go over, by groups; others are drawn */
+static PetscErrorCode take_moments(const DeviceQueue *q, const Entries *from, PetscInt ngroup, MomentsOnDevice *o)
+{
+  DeviceMoments *p = &o->on;
+  const size_t   n = MOMENTS * G;
+  double        *moment;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceRenew(q, (size_t)ngroup * n, NULL, &p->moment, &o->capacity[3]));
+  moment = (double *)p->moment;
+  for (PetscInt g = 0, end; g < ngroup; g = end) {
+    for (end = g + 1; end < ngroup && from->given[end] == from->given[g];) end++;
+    if (!from->given[g]) continue;
+    PetscCallDevice(q, (*q->run->upload)(q, (size_t)(end - g) * n * sizeof(double), from->moment + (size_t)g * n,
+                                         moment + (size_t)g * n));
+  }
+  PetscCall(DeviceRenew(q, from->nmade, from->place, &o->place, &o->capacity[4]));
+  PetscCall(DeviceRenew(q, from->nmade, from->ball, &o->ball, &o->capacity[5]));
+  PetscCallDevice(q, (*q->run->body.make_moments)(q, (int)from->nmade, (int)from->nsample, o->place, o->ball, moment));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DeviceMomentsUpdate(Flow f, OnDevice o)
@@ -49,23 +102,25 @@ PetscErrorCode DeviceMomentsUpdate(Flow f, OnDevice o)
   DeviceMoments     *p        = &o->moments.on;
   size_t            *capacity = o->moments.capacity, n;
   PetscInt           most     = 0;
-  Entries            entries;
+  Entries            entries  = {0};
 
   PetscFunctionBeginUser;
   p->ngroup = 0;
   for (PetscInt i = 0; i < f->owners.nterms; i++) most += f->owners.terms[i].n;
   if (!most) PetscFunctionReturn(PETSC_SUCCESS);
   most = (most + G - 1) / G * G;
-  PetscCall(PetscMalloc4(most * 27, &entries.node, most, &entries.without, most, &entries.hang, most * MOMENTS,
-                         &entries.moment));
+  PetscCall(PetscMalloc6(most * 27, &entries.node, most, &entries.without, most, &entries.hang, most * MOMENTS,
+                         &entries.moment, most, &entries.place, most, &entries.ball));
+  PetscCall(PetscCalloc1(most / G, &entries.given));
   p->ngroup = (int)((fill_entries(f, o->hang, &entries) + G - 1) / G);
   n         = (size_t)p->ngroup * G;
   PetscCall(DeviceRenew(q, n * 27, entries.node, &p->node, &capacity[0]));
   PetscCall(DeviceRenew(q, n, entries.without, &p->without, &capacity[1]));
   if (f->loc->hang) PetscCall(DeviceRenew(q, n, entries.hang, &p->hang, &capacity[2]));
-  PetscCall(DeviceRenew(q, n * MOMENTS, entries.moment, &p->moment, &capacity[3]));
+  PetscCall(take_moments(q, &entries, p->ngroup, &o->moments));
   p->hangs = o->cells.hangs;
-  PetscCall(PetscFree4(entries.node, entries.without, entries.hang, entries.moment));
+  PetscCall(PetscFree6(entries.node, entries.without, entries.hang, entries.moment, entries.place, entries.ball));
+  PetscCall(PetscFree(entries.given));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -78,6 +133,8 @@ PetscErrorCode DeviceMomentsDestroy(OnDevice o)
   PetscCall(DeviceFree(&o->queue, &p->without));
   PetscCall(DeviceFree(&o->queue, &p->hang));
   PetscCall(DeviceFree(&o->queue, &p->moment));
+  PetscCall(DeviceFree(&o->queue, &o->moments.place));
+  PetscCall(DeviceFree(&o->queue, &o->moments.ball));
   o->moments = (MomentsOnDevice){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -94,7 +94,7 @@ static PetscErrorCode list_terms(Flow f, TermList *t)
       const PetscInt c = f->owners.terms[o].cell[e];
 
       if (c >= f->loc->ncell) continue;
-      t->without[t->n] = (int)f->owners.terms[o].without[e];
+      t->without[t->n] = (int)f->owners.terms[o].moments.without[e];
       t->next[t->n]    = t->first[c];
       t->first[c]      = t->n++;
     }

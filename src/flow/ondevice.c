@@ -66,7 +66,7 @@ static PetscBool knows_terms(const struct _p_Flow *f)
 {
   PetscInt i = 0;
 
-  while (i < f->owners.nterms && f->owners.terms[i].moment) i++;
+  while (i < f->owners.nterms && f->owners.terms[i].moments.without) i++;
   return (PetscBool)(i == f->owners.nterms);
 }
 

@@ -24,7 +24,9 @@ typedef struct {
 /* Terms of participants in cells (FlowDescribeCellTerms), in groups */
 typedef struct {
   DeviceMoments on;
-  size_t        capacity[4];
+  size_t        capacity[6];
+  int          *place; /* of moments that are drawn there, and what from */
+  DeviceBall   *ball;
 } MomentsOnDevice;
 
 /* Rows on their way: FlowFetchRows and others */

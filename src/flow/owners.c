@@ -77,15 +77,14 @@ PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowDescribeCellTerms(Flow f, const void *owner, const PetscReal moment[], const PetscInt without[])
+PetscErrorCode FlowDescribeCellTerms(Flow f, const void *owner, const FlowMoments *moments)
 {
   Owners        *o  = &f->owners;
   const PetscInt at = find_owner(o->terms, sizeof(*o->terms), o->nterms, owner);
 
   PetscFunctionBeginUser;
   if (at == o->nterms) PetscFunctionReturn(PETSC_SUCCESS);
-  o->terms[at].moment  = moment;
-  o->terms[at].without = without;
+  o->terms[at].moments = *moments;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

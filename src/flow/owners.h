@@ -2,6 +2,7 @@
    FlowAddOperator, FlowAddForce, FlowAddVolume). The same owner again replaces what it had; n = 0 or NULL removes it.
    Lists are short: loops over them are per owner, never per cell. */
 #pragma once
+#include "flow/device.h"
 #include "flow/flow.h"
 
 #define FLOW_OWNERS 16
@@ -9,11 +10,10 @@
 typedef struct {
   const void      *owner;
   PetscInt         n;
-  const PetscInt  *cell;   /* [n] */
-  const PetscReal *matrix; /* [n][nb][nb] */
-  const PetscReal *moment; /* as FlowDescribeCellTerms had them, or NULL */
-  const PetscInt  *without;
-  const PetscReal *lumped; /* FlowCountCellTerms(), or NULL */
+  const PetscInt  *cell;    /* [n] */
+  const PetscReal *matrix;  /* [n][nb][nb] */
+  FlowMoments      moments; /* as FlowDescribeCellTerms had them */
+  const PetscReal *lumped;  /* FlowCountCellTerms(), or NULL */
 } CellTerms;
 
 typedef struct {

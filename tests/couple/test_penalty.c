@@ -141,6 +141,52 @@ static void test_samples(void **state)
   check_samples(SPACE TURNED "-particle_a_shape box -particle_a_size 0.6,0.7,0.5", 10);
 }
 
+/* What a device draws is what the host has: of whole cells, and of cells that a ball cuts (ball: that all are) */
+static void check_drawn(const char options[], PetscInt n, PetscBool ball)
+{
+  const DeviceQueue q     = {.run = DeviceGetKernels("cpu")};
+  const int         place = 37;
+  Case              c;
+  CutCells          parts;
+  const CutCell    *part;
+  const PetscReal  *want;
+  PetscReal         got[2 * CUT_MOMENTS * DEVICE_GROUP];
+  PetscInt          npart, drawn = 0, whole = 0;
+
+  open_case(&c, options);
+  OK(CutCellsCreate(c.flow, c.bodies, n, &parts));
+  OK(CutCellsCut(parts, c.s->x, c.s->q, c.s->x, NULL));
+  OK(CutCellsGet(parts, &npart, &part));
+  for (PetscInt t = 0; t < npart; t++) {
+    DeviceBall b;
+
+    whole += part[t].moments < 0;
+    OK(CutCellsGetBall(parts, part + t, 3, &b));
+    if (!(b.edge[0] > 0)) continue;
+    drawn++;
+    OK((*q.run->body.make_moments)(&q, 1, (int)n, &place, &b, got));
+    OK(CutCellsGetMoments(parts, part + t, &want));
+    for (PetscInt m = 0; m < CUT_MOMENTS; m++)
+      BELOW(got[(CUT_MOMENTS + m) * DEVICE_GROUP + place % DEVICE_GROUP] - 3 * want[m], 1e-12 * 3 * part[t].volume);
+  }
+  assert_int_equal(drawn, ball ? npart : whole);
+  OK(CutCellsDestroy(&parts));
+  close_case(&c);
+}
+
+static void test_drawn(void **state)
+{
+#define THERE "-device emulate -flow_velocity_operator matrix_free "
+#define BALL  "-particle_a_shape circle -particle_a_radius 0.35 "
+  (void)state;
+  check_drawn(THERE SPACE TURNED BALL, 10, PETSC_TRUE);
+  check_drawn(THERE SPACE TURNED BALL
+              "-mesh_periodic x -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.5,0.6,0.5",
+              20, PETSC_TRUE);
+  check_drawn(THERE SPACE TURNED "-particle_a_shape ellipse -particle_a_a 0.4 -particle_a_b 0.3 -particle_a_c 0.35", 10,
+              PETSC_FALSE);
+}
+
 /* y = (S with the penalty - S without) x at own nodes, one component */
 static void multiply_penalty(Case *c, Penalty p, const PetscReal x[], PetscReal y[])
 {
@@ -315,9 +361,9 @@ static void test_rest_and_solvers(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume), cmocka_unit_test(test_samples),
-                                     cmocka_unit_test(test_rigid_motion_is_free), cmocka_unit_test(test_balance),
-                                     cmocka_unit_test(test_rest_and_solvers)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume),  cmocka_unit_test(test_samples),
+                                     cmocka_unit_test(test_drawn),   cmocka_unit_test(test_rigid_motion_is_free),
+                                     cmocka_unit_test(test_balance), cmocka_unit_test(test_rest_and_solvers)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

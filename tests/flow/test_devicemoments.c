@@ -55,7 +55,7 @@ static void check_terms(const char options[])
   for (PetscInt k = 0; k < 2; k++) {
     OK(FlowBeginStep(flow[k], 0.1, 0.1));
     OK(FlowAddCellTerms(flow[k], &x, n, cell, matrix));
-    OK(FlowDescribeCellTerms(flow[k], &x, moment, without));
+    OK(FlowDescribeCellTerms(flow[k], &x, &(FlowMoments){.without = without, .moment = moment}));
     OK(FlowAssemble(flow[k]));
     OK(FlowMultiply(flow[k], PETSC_FALSE, x, y[k]));
   }
