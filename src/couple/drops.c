@@ -323,11 +323,10 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscInt                 form = 0;
   PetscBool                given;
   char                     adapt[16];
-  PetscReal                size = 0, steps = 0;
+  PetscReal                size = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-couple_drops", FORMS, &form));
-  PetscCall(OptReal("-couple_drops_steps", &steps));
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
   PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
@@ -347,7 +346,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
   PetscCall(PetscNew(&f));
   f->drops = drops;
-  f->steps = steps;
+  PetscCall(OptReal("-couple_drops_steps", &f->steps));
   PetscCall(DropsGetState(drops, &f->s));
   PetscCall(DropsReadAngles(f, c));
   f->regular = (PetscBool)form;
