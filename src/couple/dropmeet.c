@@ -235,7 +235,7 @@ static PetscErrorCode add_weight(CoupleDrops *f, Couple c, const CutCell *cut, P
     for (PetscInt a = 0; a < dim; a++) {
       F[a]   = fixed[node[j]] >> a & 1 ? 0 : force[dim * j + a];
       arm[a] = MeshNearest(l, a, xc[dim * j + a] - c->rigid.X[cut->body][a]);
-      f->weigh[dim * node[j] + a] += F[a];
+      f->load[dim * node[j] + a] += F[a];
     }
     cross(arm, F, torque);
     for (PetscInt a = 0; a < 3; a++) {
@@ -246,7 +246,7 @@ static PetscErrorCode add_weight(CoupleDrops *f, Couple c, const CutCell *cut, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsWeighBodies(CoupleDrops *f, Couple c)
+PetscErrorCode DropsLoadBodies(CoupleDrops *f, Couple c)
 {
   CutCells         cells;
   const CutCell   *cut;
@@ -259,14 +259,14 @@ PetscErrorCode DropsWeighBodies(CoupleDrops *f, Couple c)
   PetscCall(PetscFree(f->weight_of_bodies));
   PetscCall(PetscCalloc1(c->s->n, &f->weight_of_bodies));
   sum = f->weight_of_bodies;
-  PetscCall(PetscArrayzero(f->weigh, c->loc->dim * c->loc->nnode_all));
+  PetscCall(PetscArrayzero(f->load, c->loc->dim * c->loc->nnode_all));
   PetscCall(FlowGetCellSize(c->flow, &size));
   PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
   PetscCall(CutCellsGet(cells, &n, &cut));
   for (PetscInt t = 0; t < n; t++)
     if (cut[t].cell < c->loc->ncell && f->cell_drop[cut[t].cell] >= 0)
       PetscCall(add_weight(f, c, cut + t, size[cut[t].cell], sum[cut[t].body]));
-  PetscCall(FlowAddForce(c->flow, &f->weigh, f->weigh));
+  PetscCall(FlowAddForce(c->flow, &f->load, f->load));
   PetscCall(BodiesSumLocal(c->bodies, 6, (PetscReal *)sum));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal out[6];
@@ -297,7 +297,7 @@ PetscErrorCode DropsAddWeightPower(CoupleDrops *f, Couple c, PetscReal *power)
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) sum += f->weigh[i] * c->field.u[i];
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) sum += f->load[i] * c->field.u[i];
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], f->weight_of_bodies[k], f->weight_of_bodies[k] + 3, out));
     for (PetscInt i = 0; i < c->nr && c->s->own[k]; i++) sum += out[i] * c->rigid.U[k * c->nr + i];

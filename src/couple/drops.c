@@ -23,7 +23,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree6(f->way, f->corr, f->shift, f->velocity, f->force, f->weight));
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
-  PetscCall(PetscFree(f->weigh));
+  PetscCall(PetscFree(f->load));
   PetscCall(PetscFree(f->weight_of_bodies));
   PetscCall(PetscFree2(f->fraction, f->by_middle));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -47,7 +47,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
-  if (f->meets) PetscCall(PetscMalloc1(n, &f->weigh));
+  if (f->meets) PetscCall(PetscMalloc1(n, &f->load));
   if (f->meets || f->regular) PetscCall(PetscMalloc2(ncell, &f->fraction, ncell, &f->by_middle));
   for (PetscInt e = 0; e < ncell && f->fraction; e++) {
     f->fraction[e]  = 1;
@@ -119,7 +119,7 @@ static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCall(DropsAssemble((CoupleDrops *)data, c));
-  PetscCall(DropsWeighBodies((CoupleDrops *)data, c));
+  PetscCall(DropsLoadBodies((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

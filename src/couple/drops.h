@@ -55,7 +55,7 @@ typedef struct CoupleDrops {
      of the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
   PetscReal *force; /* [nnode_all][dim] */
-  PetscReal *weigh; /* [nnode_all][dim] gravity on what bodies take the place of; NULL: there are none that drops wet */
+  PetscReal *load;  /* [nnode_all][dim] gravity on what bodies take the place of; NULL: there are none that drops wet */
   PetscReal (*weight_of_bodies)[6]; /* [bodies] what they give back of it, force and torque */
   PetscReal *weight;                /* [nnode_all] diagonal of the terms */
   PetscInt   nterm, term_capacity, *term_cell;
@@ -75,7 +75,7 @@ PetscErrorCode DropsMeetBodies(CoupleDrops *, Couple);
 PetscErrorCode DropsTakeBodies(CoupleDrops *, Couple);
 /* Gravity on what bodies take the place of, on nodes inside, and its opposite in the rows of the bodies, which are
    filled. Collective. */
-PetscErrorCode DropsWeighBodies(CoupleDrops *, Couple);
+PetscErrorCode DropsLoadBodies(CoupleDrops *, Couple);
 /* What both do. After the solve. Collective. */
 PetscErrorCode DropsAddWeightPower(CoupleDrops *, Couple, PetscReal *power);
 /* After the forces on bodies have been found: these are without that. Local. */
