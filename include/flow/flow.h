@@ -169,6 +169,7 @@ typedef struct {
                               preconditioners (NULL: none) */
   const PetscReal *force;     /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
   PetscBool        compliant; /* E is no more than a few times the flow's viscous part: it needs no block */
+  PetscBool        stiff;     /* so much more, where its solid cuts cells, that their pressures need factors too */
 } FlowOperator;
 /* Adds E to the operator; the same owners in the same order on all ranks. The solver multiplies with E in its
    iterations, -flow_solver direct adds it to its matrix; others factorise the nodes
@@ -332,6 +333,8 @@ PetscErrorCode FlowAssembleComponents(Flow, const PetscReal u[], Mat *A);
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Has any owner an operator (FlowAddOperator)? Local. */
 PetscBool FlowHasOperators(Flow);
+/* Is any of them stiff? Local, on all ranks the same. */
+PetscBool FlowHasStiffOperators(Flow);
 /* marked [own nodes] = true where E of any has an entry that is not 0. Local. */
 PetscErrorCode FlowMarkOperators(Flow, PetscBool marked[]);
 /* y += sum of the owners' E x; own nodes x dim. Collective. */

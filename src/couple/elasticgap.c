@@ -413,6 +413,22 @@ static PetscInt list_unknowns(const Elastic *e, const ElasticContact *t, PetscIn
   return dim * (both ? 1 + nb : 1);
 }
 
+PetscErrorCode ElasticCountContacts(const Elastic *e, Vec entries)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt m = 0; m < e->contacts.n; m++) {
+    PetscInt  n, row[3 * (1 + ELASTIC_SIDE)];
+    PetscReal v[3 * (1 + ELASTIC_SIDE)];
+
+    n = list_unknowns(e, e->contacts.list + m, row, v);
+    for (PetscInt i = 0; i < n; i++) v[i] = n > e->s->dim ? n : 0; /* a node by itself has these entries */
+    PetscCall(VecSetValues(entries, n, row, v, ADD_VALUES));
+  }
+  PetscCall(VecAssemblyBegin(entries));
+  PetscCall(VecAssemblyEnd(entries));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Spring on the way from x*, in matrix and force */
 PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
 {

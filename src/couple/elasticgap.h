@@ -10,6 +10,8 @@
    the cell it lies in. Nodes within two cells of those that are held are left out: a solid may be fixed to what it
    touches there. Collective. Error: a gap that has closed. */
 PetscErrorCode ElasticFindContacts(Elastic *, Couple);
+/* entries [unknowns of all solids, over ranks] += how many a row of the matrix needs for these at most. Collective. */
+PetscErrorCode ElasticCountContacts(const Elastic *, Vec entries);
 /* To the matrix and the force of the solids. Not collective. */
 PetscErrorCode ElasticAddContacts(const Elastic *, PetscReal bdt);
 /* rows [bodies][nr] += what contact gives rigid bodies in this step, all ranks together. Collective. */

@@ -13,8 +13,9 @@
 #define AWAY     2     /* cells */
 #define ROUNDING 1e-13 /* of a solid's cell */
 /* Stress of immersed solids over that of the fluid in a step: so much the solver takes without a block
-   (runs/studies/elastic) */
+   (runs/studies/elastic), and so much without factors of pressures (runs/studies/elastic-space) */
 #define COMPLIANT 3
+#define STIFF     100
 
 /* Numbers of a step that cells of a solid need */
 typedef struct {
@@ -134,6 +135,27 @@ static PetscErrorCode count_entries(const Elastic *e, PetscInt start, PetscInt e
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What two solids that touch have in each other's rows comes on top, at most so many */
+static PetscErrorCode count_contacts(const Elastic *e, MPI_Comm comm, PetscInt n, PetscInt own[], PetscInt others[])
+{
+  const PetscReal *more;
+  PetscInt         all;
+  Vec              entries;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCreateMPI(comm, n, PETSC_DETERMINE, &entries));
+  PetscCall(ElasticCountContacts(e, entries));
+  PetscCall(VecGetSize(entries, &all));
+  PetscCall(VecGetArrayRead(entries, &more));
+  for (PetscInt i = 0; i < n; i++) {
+    own[i]    = PetscMin(n, own[i] + (PetscInt)more[i]);
+    others[i] = PetscMin(all - n, others[i] + (PetscInt)more[i]);
+  }
+  PetscCall(VecRestoreArrayRead(entries, &more));
+  PetscCall(VecDestroy(&entries));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
 {
   const PetscInt dim = e->s->dim;
@@ -144,25 +166,29 @@ PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
   PetscCallMPI(MPI_Scan(&n, &end, 1, MPIU_INT, MPI_SUM, comm));
   PetscCall(PetscMalloc2(dim * n, &own, dim * n, &others));
   PetscCall(count_entries(e, end - n, end, own, others));
+  if (e->contacts.joined) PetscCall(count_contacts(e, comm, dim * n, own, others));
   PetscCall(MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 0, own, 0, others, &e->K));
-  PetscCall(PetscFree2(own, others));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(PetscFree2(own, others));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Empty: without the entries of what touched in the step before, which a restart would not know */
+/* Empty, with room for what touches in this step, and without the entries of what did in the step before, which a
+   restart would not know */
 static PetscErrorCode clear_matrix(Elastic *e, Couple c)
 {
+  const PetscBool before = e->contacts.joined;
+
   PetscFunctionBeginUser;
-  if (e->contacts.joined) {
-    PetscCall(MatDestroy(&e->K));
-    PetscCall(ElasticCreateMatrix(e, c->comm));
-  }
   e->contacts.joined = PETSC_FALSE;
   for (PetscInt i = 0; i < e->contacts.n; i++)
     for (PetscInt j = 0; j < ELASTIC_SIDE; j++)
       e->contacts.joined = (PetscBool)(e->contacts.joined || e->contacts.list[i].weight[j] != 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->contacts.joined, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
+  if (before || e->contacts.joined) {
+    PetscCall(MatDestroy(&e->K));
+    PetscCall(ElasticCreateMatrix(e, c->comm));
+  }
   PetscCall(MatZeroEntries(e->K));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -415,11 +441,11 @@ static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Are all solids so soft in a step that the solver needs no factors of them? */
-static PetscBool is_compliant(const Elastic *e, Couple c)
+/* Largest stress of a group in a step over that of the fluid, by the viscosity that it is like */
+static PetscReal stiffest(const Elastic *e, Couple c)
 {
-  const PetscReal bdt       = 1 / c->step->ct;
-  PetscBool       compliant = (PetscBool)(!e->align || !SolidsHave(e->s, PETSC_FALSE));
+  const PetscReal bdt  = 1 / c->step->ct;
+  PetscReal       most = 0;
 
   for (PetscInt g = 0; g < e->s->ngroups; g++) {
     const SolidGroup *group     = e->s->group + g;
@@ -427,15 +453,18 @@ static PetscBool is_compliant(const Elastic *e, Couple c)
     const PetscReal   stiffness = group->membrane ? group->material.mu / h + group->material.bending / (h * h * h)
                                                   : group->material.mu;
 
-    compliant = (PetscBool)(compliant && bdt * stiffness + group->viscosity <= COMPLIANT * c->par->viscosity);
+    most = PetscMax(most, bdt * stiffness + group->viscosity);
   }
-  return compliant;
+  return most / c->par->viscosity;
 }
 
 PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
 {
-  PetscBool any_C;
-  Vec       force;
+  const PetscBool lined     = (PetscBool)(e->align && SolidsHave(e->s, PETSC_FALSE));
+  const PetscBool cut       = (PetscBool)(!lined || e->labels.immersed || SolidsHave(e->s, PETSC_TRUE));
+  const PetscReal stiffness = stiffest(e, c);
+  PetscBool       any_C;
+  Vec             force;
 
   PetscFunctionBeginUser;
   PetscCall(assemble_solids(e, c));
@@ -446,12 +475,13 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
   PetscCall(ElasticTensionsSet(e, c));
-  if (e->align && SolidsHave(e->s, PETSC_FALSE)) PetscCall(assemble_inertia(e, c));
+  if (lined) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
                             &(FlowOperator){.E         = e->E,
                                             .lumped    = e->align ? e->lumped : NULL,
                                             .force     = e->force,
-                                            .compliant = is_compliant(e, c)}));
+                                            .compliant = !lined && stiffness <= COMPLIANT,
+                                            .stiff     = cut && stiffness > STIFF}));
   PetscCall(assemble_volumes(e, c, &any_C));
   PetscCall(FlowAddVolume(c->flow, e,
                           &(FlowVolume){.n     = e->volumes.n,

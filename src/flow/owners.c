@@ -178,6 +178,14 @@ PetscBool FlowHasOperators(Flow f)
   return (PetscBool)(f->owners.noperators > 0);
 }
 
+PetscBool FlowHasStiffOperators(Flow f)
+{
+  PetscBool stiff = PETSC_FALSE;
+
+  for (PetscInt i = 0; i < f->owners.noperators; i++) stiff = (PetscBool)(stiff || f->owners.operators[i].is.stiff);
+  return stiff;
+}
+
 PetscErrorCode FlowMarkOperators(Flow f, PetscBool marked[])
 {
   const PetscInt dim = f->loc->dim;

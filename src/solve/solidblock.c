@@ -162,14 +162,18 @@ static PetscErrorCode create_mass(FlowSolver fs, const PetscReal at[], Mat A, IS
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Factors of [X, -B^T; scale B, 0] of the slots and pressures */
-static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscReal at[], Mat A, Mat P, IS slots,
-                                      IS pressures)
+/* Factors of [X, -B^T; scale B, 0] of the cells around the block; slot [nur], pressure [np]: room for their lists */
+static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscReal at[], Mat A, Mat P, PetscInt slot[],
+                                      PetscInt pressure[])
 {
-  Mat B, block[4] = {NULL, NULL, NULL, NULL}, nest, J;
-  IS  in[2];
+  Mat      B, block[4] = {NULL, NULL, NULL, NULL}, nest, J;
+  IS       in[2], slots, pressures;
+  PetscInt n[2] = {0, 0};
 
   PetscFunctionBeginUser;
+  PetscCall(mark_cells(fs, at, &n[0], slot, &n[1], pressure));
+  PetscCall(ISCreateGeneral(fs->comm, n[0], slot, PETSC_USE_POINTER, &slots));
+  PetscCall(ISCreateGeneral(fs->comm, n[1], pressure, PETSC_USE_POINTER, &pressures));
   PetscCall(create_mass(fs, at, A, slots, &block[0]));
   PetscCall(AssembledCreateDivergence(fs->flow, P, &B));
   PetscCall(MatCreateSubMatrix(B, pressures, slots, MAT_INITIAL_MATRIX, &block[2]));
@@ -185,6 +189,8 @@ static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscRe
   PetscCall(VecScatterCreate(fs->vec.t_p, pressures, b->f, in[1], &b->to_cells));
   PetscCall(MatDestroy(&J));
   PetscCall(MatDestroy(&nest));
+  PetscCall(ISDestroy(&slots));
+  PetscCall(ISDestroy(&pressures));
   for (PetscInt i = 0; i < 3; i++) PetscCall(MatDestroy(&block[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -281,11 +287,10 @@ static PetscErrorCode remove_block(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* at, n[0], list[0]: see mark_nodes; the others are for mark_cells */
-static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt n[3], PetscInt *list[3])
+/* at, n, list[0]: see mark_nodes; the others are for factorise_cells */
+static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt n, PetscInt *list[3])
 {
   SolidBlock b;
-  IS         is[2];
   PetscInt   start;
   Mat        A, P, Ab;
 
@@ -294,20 +299,17 @@ static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt
   b = fs->solid;
   PetscCall(clear(b));
   PetscCall(SolidBlockFindBodies(fs, at));
-  PetscCall(mark_cells(fs, at, &n[1], list[1], &n[2], list[2]));
   PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
-  n[0] += SolidBlockListBodies(fs, start, list[0] + n[0]);
-  PetscCall(ISCreateGeneral(fs->comm, n[0], list[0], PETSC_COPY_VALUES, &b->in_nodes));
-  for (PetscInt i = 0; i < 2; i++)
-    PetscCall(ISCreateGeneral(fs->comm, n[1 + i], list[1 + i], PETSC_COPY_VALUES, &is[i]));
+  n += SolidBlockListBodies(fs, start, list[0] + n);
+  PetscCall(ISCreateGeneral(fs->comm, n, list[0], PETSC_COPY_VALUES, &b->in_nodes));
   PetscCall(assemble_velocity(fs, &A, &P));
   PetscCall(SolidBlockReduceBodies(fs, A));
   PetscCall(MatCreateSubMatrix(A, b->in_nodes, b->in_nodes, MAT_INITIAL_MATRIX, &Ab));
   PetscCall(factorise(fs->comm, fs->loc->dim, Ab, &b->nodes));
   PetscCall(MatCreateVecs(Ab, &b->x, &b->y));
   PetscCall(VecScatterCreate(fs->vec.t_u, b->in_nodes, b->x, NULL, &b->to_nodes));
-  PetscCall(factorise_cells(b, fs, at, A, P, is[0], is[1]));
-  for (PetscInt i = 0; i < 2; i++) PetscCall(ISDestroy(&is[i]));
+  if (FlowHasStiffOperators(fs->flow)) PetscCall(factorise_cells(b, fs, at, A, P, list[1], list[2]));
+  else PetscCall(KSPDestroy(&b->cells));
   PetscCall(MatDestroy(&Ab));
   PetscCall(MatDestroy(&A));
   PetscCall(MatDestroy(&P));
@@ -316,7 +318,7 @@ static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt
 
 PetscErrorCode SolidBlockUpdate(FlowSolver fs)
 {
-  PetscInt   n[3] = {0, 0, 0}, *list[3];
+  PetscInt   n = 0, *list[3];
   PetscReal *at;
   PetscBool  empty;
 
@@ -327,8 +329,8 @@ PetscErrorCode SolidBlockUpdate(FlowSolver fs)
   }
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &at));
   PetscCall(PetscMalloc3(fs->nur, &list[0], fs->nur, &list[1], fs->np, &list[2]));
-  PetscCall(mark_nodes(fs, at, &n[0], list[0]));
-  PetscCall(is_empty(fs, n[0], &empty));
+  PetscCall(mark_nodes(fs, at, &n, list[0]));
+  PetscCall(is_empty(fs, n, &empty));
   if (empty) PetscCall(remove_block(fs));
   else PetscCall(update_block(fs, at, n, list));
   PetscCall(PetscFree3(list[0], list[1], list[2]));

@@ -6,8 +6,8 @@
    which no lumped mass knows of. The factors serve
      the velocity: block, sweep over all nodes, block;
      X^{-1} in all products (FlowSolverApplyMassInverse);
-     the pressure: the pressures of cells around the block, exactly, by the factors of [X, -B^T; B, 0] of these cells
-     and their nodes, before and after the cycle of the pressure on all cells.
+     where an operator is stiff, the pressure: the pressures of cells around the block, exactly, by the factors of
+     [X, -B^T; B, 0] of these cells and their nodes, before and after the cycle of the pressure on all cells.
    Rigid bodies that nodes of the block are tied to are in it, too.
    Both factorisations are sparse ones of all solids and ranks together (MUMPS). Vectors as those of the solver: u_r and
    p. Multiplicative Schwarz, see Smith, Bjorstad & Gropp (1996), ch. 1. */

@@ -53,6 +53,10 @@ static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
   PetscCall(PCShellGetContext(pc, &fs));
   b    = fs->solid;
   rest = b->p[2];
+  if (!b->cells) {
+    PetscCall(PCApply(b->inner[1], r, q));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecZeroEntries(q));
   PetscCall(solve_cells(b, r, q));
   PetscCall(take_residual(b->S_p, r, q, rest));

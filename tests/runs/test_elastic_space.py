@@ -47,6 +47,16 @@ def test_balanced(run, scene, method):
     assert last["whole"]["solid_w_soft"] == pytest.approx(last["direct"]["solid_w_soft"], rel=1e-8)
 
 
+@METHODS
+@pytest.mark.parametrize("modulus", ["1e3", "1e6"])
+def test_iterations(run, scene, method, modulus):
+    """At a viscous number of .4 at most 9 iterations from the second step on; immersed with factors of the nodes alone (a stress of 25 times the fluid's) and with those of
+    pressures."""
+    step = ["-sim_dt", "0.0375", "-sim_steps", "3", "-flow_solver", "balanced"]
+    series = rows(run, scene(BALL), "-couple_method", method, "-particle_soft_shear_modulus", modulus, *step)
+    assert max(row["outer_iterations"] for row in series[1:]) <= 9, [row["outer_iterations"] for row in series]
+
+
 @pytest.mark.parametrize("options", [["-particle_soft_poisson", "0.4"], ["-particle_soft_material", "st_venant_kirchhoff"], ["-particle_soft_clamp", "z - 0.7"], ["-particle_soft_angle", "0.5", "-particle_soft_axis", "1,1,0"]])
 def test_kinds(run, scene, options):
     """Compressible, of another law, held, turned: two steps, lined up. The volume of those that are free and incompressible is kept."""
