@@ -115,7 +115,7 @@ sum_nodes(const Big n, const double *RESTRICT weight, const Combination c, doubl
   if (t < 3) partial[t * BLOCKS + BLOCK] = s[t * THREADS];
 }
 
-KERNEL(THREADS, 1) sum_blocks(const double *partial, double *out)
+KERNEL(THREADS, 1) sum_blocks(const int blocks, const double *partial, double *out)
 {
   SHARED double s[3 * THREADS];
 
@@ -123,7 +123,7 @@ KERNEL(THREADS, 1) sum_blocks(const double *partial, double *out)
   for (int a = 0; a < 3; a++) {
     double v = 0;
 
-    for (int i = t; i < BLOCKS; i += THREADS) v += partial[a * BLOCKS + i];
+    for (int i = t; i < blocks; i += THREADS) v += partial[a * BLOCKS + i];
     s[a * THREADS + t] = v;
   }
   ADD_UP(s)
@@ -134,8 +134,10 @@ KERNEL(THREADS, 1) sum_blocks(const double *partial, double *out)
 int NAME(sum_components)(const DeviceQueue *queue, int nnode, const double weight[], int nv, const double *const v[],
                          const double factor[], double partial[], double out[])
 {
-  LAUNCH(queue, sum_nodes, BLOCKS, THREADS, (Big)nnode, weight, CombinationOf(nv, v, factor, NULL), partial);
-  LAUNCH(queue, sum_blocks, 1, THREADS, partial, out);
+  const int blocks = BlocksOfSum(nnode, THREADS, BLOCKS);
+
+  LAUNCH(queue, sum_nodes, blocks, THREADS, (Big)nnode, weight, CombinationOf(nv, v, factor, NULL), partial);
+  LAUNCH(queue, sum_blocks, 1, THREADS, blocks, partial, out);
   return EndKernel(queue, __func__, (24. * nv + (weight ? 8 : 0)) * nnode);
 }
 
@@ -171,7 +173,7 @@ largest_entries(const Big n, const double *RESTRICT v, const double *RESTRICT we
   if (t == 0) partial[BLOCK] = s[0];
 }
 
-KERNEL(THREADS, 1) largest_block(const double *partial, double *out)
+KERNEL(THREADS, 1) largest_block(const int blocks, const double *partial, double *out)
 {
   SHARED double s[THREADS];
 
@@ -179,7 +181,7 @@ KERNEL(THREADS, 1) largest_block(const double *partial, double *out)
   {
     double most = 0;
 
-    for (int i = t; i < BLOCKS; i += THREADS)
+    for (int i = t; i < blocks; i += THREADS)
       if (partial[i] > most) most = partial[i];
     s[t] = most;
   }
@@ -191,8 +193,10 @@ KERNEL(THREADS, 1) largest_block(const double *partial, double *out)
 int NAME(largest)(const DeviceQueue *queue, size_t n, const double v[], const double weight[], const double shift[3],
                   double partial[], double out[])
 {
-  LAUNCH(queue, largest_entries, BLOCKS, THREADS, (Big)n, v, weight, shift ? shift[0] : 0, shift ? shift[1] : 0,
+  const int blocks = BlocksOfSum((Big)n, THREADS, BLOCKS);
+
+  LAUNCH(queue, largest_entries, blocks, THREADS, (Big)n, v, weight, shift ? shift[0] : 0, shift ? shift[1] : 0,
          shift ? shift[2] : 0, partial);
-  LAUNCH(queue, largest_block, 1, THREADS, partial, out);
+  LAUNCH(queue, largest_block, 1, THREADS, blocks, partial, out);
   return EndKernel(queue, __func__, (weight ? 16. : 8.) * (double)n);
 }

@@ -2,6 +2,12 @@
 #pragma once
 #include "kernel.h"
 
+/* Blocks of a sum over n numbers, at most `most`: others would have none */
+HOST int BlocksOfSum(Big n, int threads, int most)
+{
+  return (n + threads - 1) / threads < most ? (int)((n + threads - 1) / threads) : most;
+}
+
 #ifdef __cplusplus
 extern "C" {
 #endif

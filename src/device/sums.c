@@ -37,7 +37,7 @@ sum_products(const Big n, const double *RESTRICT a, const double *RESTRICT b, co
   if (t < 2) partial[t * BLOCKS + BLOCK] = s[t * THREADS];
 }
 
-KERNEL(THREADS, 1) sum_partial(const int two, const double *partial, double *out)
+KERNEL(THREADS, 1) sum_partial(const int two, const int blocks, const double *partial, double *out)
 {
   SHARED double s[2 * THREADS];
 
@@ -45,7 +45,7 @@ KERNEL(THREADS, 1) sum_partial(const int two, const double *partial, double *out
   {
     double v0 = 0, v1 = 0;
 
-    for (int i = t; i < BLOCKS; i += THREADS) {
+    for (int i = t; i < blocks; i += THREADS) {
       v0 += partial[i];
       v1 += partial[BLOCKS + i];
     }
@@ -60,7 +60,9 @@ KERNEL(THREADS, 1) sum_partial(const int two, const double *partial, double *out
 int NAME(dot)(const DeviceQueue *queue, size_t n, const double a[], const double b[], const double c[],
               const double d[], double partial[], double out[])
 {
-  LAUNCH(queue, sum_products, BLOCKS, THREADS, (Big)n, a, b, c, d, partial);
-  LAUNCH(queue, sum_partial, 1, THREADS, c != NULL, partial, out);
+  const int blocks = BlocksOfSum((Big)n, THREADS, BLOCKS);
+
+  LAUNCH(queue, sum_products, blocks, THREADS, (Big)n, a, b, c, d, partial);
+  LAUNCH(queue, sum_partial, 1, THREADS, c != NULL, blocks, partial, out);
   return EndKernel(queue, __func__, (c ? 32. : 16.) * (double)n);
 }

@@ -25,20 +25,26 @@ typedef struct {
   PetscInt *at_cell, *at_node, *at_two;
 } Lists;
 
+static PetscErrorCode create_work(const MeshLocal *l, CouplingOnDevice *d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(l->nnode_all, &d->of_node, l->nnode_all, &d->at_node, l->ncell, &d->at_cell));
+  for (PetscInt i = 0; i < l->nnode_all; i++) d->of_node[i] = d->at_node[i] = -1;
+  for (PetscInt i = 0; i < l->ncell; i++) d->at_cell[i] = -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode open_lists(FlowSolver fs, PetscInt npenalty, Lists *s)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
-  const MeshLocal      *l = fs->loc;
+  CouplingOnDevice     *d = &fs->device.coupling;
 
   PetscFunctionBeginUser;
-  *s = (Lists){.npenalty = npenalty};
+  if (!d->of_node) PetscCall(create_work(fs->loc, d));
+  *s = (Lists){.npenalty = npenalty, .of_node = d->of_node, .at_node = d->at_node, .at_cell = d->at_cell};
   PetscCall(PetscCalloc1(c->nlocal + 2, &s->first));
-  PetscCall(PetscMalloc4(c->nbody_nodes, &s->node, c->nbody_nodes * 4, &s->arm, l->nnode_all, &s->of_node,
-                         c->nbody_nodes, &s->entry));
-  PetscCall(
-    PetscMalloc4(l->ncell, &s->at_cell, l->nnode_all, &s->at_node, c->nlocal, &s->at_two, npenalty, &s->of_penalty));
-  for (PetscInt i = 0; i < l->nnode_all; i++) s->of_node[i] = s->at_node[i] = -1;
-  for (PetscInt i = 0; i < l->ncell; i++) s->at_cell[i] = -1;
+  PetscCall(PetscMalloc3(c->nbody_nodes, &s->node, c->nbody_nodes * 4, &s->arm, c->nbody_nodes, &s->entry));
+  PetscCall(PetscMalloc2(c->nlocal, &s->at_two, npenalty, &s->of_penalty));
   for (PetscInt k = 0; k < c->nlocal; k++) s->at_two[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -46,9 +52,10 @@ static PetscErrorCode open_lists(FlowSolver fs, PetscInt npenalty, Lists *s)
 static PetscErrorCode close_lists(Lists *s)
 {
   PetscFunctionBeginUser;
+  for (PetscInt m = 0; m < s->narm; m++) s->of_node[s->node[m]] = -1;
   PetscCall(PetscFree(s->first));
-  PetscCall(PetscFree4(s->node, s->arm, s->of_node, s->entry));
-  PetscCall(PetscFree4(s->at_cell, s->at_node, s->at_two, s->of_penalty));
+  PetscCall(PetscFree3(s->node, s->arm, s->entry));
+  PetscCall(PetscFree2(s->at_two, s->of_penalty));
   PetscCall(PetscFree(s->cell));
   PetscCall(PetscFree(s->cell_node));
   PetscCall(PetscFree(s->entry_node));
@@ -314,5 +321,6 @@ PetscErrorCode FlowSolverFreeCouplingOnDevice(FlowSolver fs)
   PetscCall(DeviceFree(q, &d->on.y));
   for (PetscInt k = 0; k < 3; k++) PetscCall(DeviceFree(q, &d->list[k]));
   PetscCall(DeviceFree(q, &d->sum));
+  PetscCall(PetscFree3(d->of_node, d->at_node, d->at_cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -181,6 +181,7 @@ typedef struct {
   const int    *list[3]; /* on their way to kernels */
   double       *sum;     /* of pairs of bodies */
   size_t        capacity[8];
+  PetscInt     *of_node, *at_node, *at_cell; /* work of its lists: -1 of all nodes, twice, and own cells in between */
 } CouplingOnDevice;
 
 /* With -device: ondevice.c */
