@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
+#include "base/rigid.h"
 
 /* Lists of a step, on the host */
 typedef struct {
@@ -258,16 +259,32 @@ static PetscErrorCode take_pairs(FlowSolver fs, const Lists *s, const DeviceEntr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* sum [ntwo][16] on the host */
-static PetscErrorCode sum_bodies(FlowSolver fs, const Lists *s, const DeviceEntries *on, PetscReal sum[])
+/* block [6][6] = R^T E summed over nodes, from sums [4][4] of the products of 1, x - X and the numbers of E */
+static void fill_block(const PetscReal sum[], PetscReal block[])
+{
+  for (PetscInt e = 0; e < 36; e++) block[e] = 0;
+  for (PetscInt k = 0; k < 4; k++) { /* the part of 1, and of the way along each axis */
+    const PetscReal way[3] = {k == 1, k == 2, k == 3};
+    PetscReal       R[18], E[18];
+
+    RigidMapFill(3, k == 0, way, R);
+    RigidMapFill(3, sum[k * 4], sum + k * 4 + 1, E);
+    for (PetscInt e = 0; e < 36; e++)
+      for (PetscInt a = 0; a < 3; a++) block[e] += R[a * 6 + e / 6] * E[a * 6 + e % 6];
+  }
+}
+
+/* block [ntwo][6][6] on the host */
+static PetscErrorCode sum_bodies(FlowSolver fs, const Lists *s, const DeviceEntries *on, PetscReal block[])
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);
   CouplingOnDevice  *d = &fs->device.coupling;
   int               *start, *arm, *entry;
+  PetscReal         *sum;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(s->ntwo + 2, &start));
-  PetscCall(PetscMalloc2(s->nterm, &arm, s->nterm, &entry));
+  PetscCall(PetscMalloc3(s->nterm, &arm, s->nterm, &entry, s->ntwo * 16, &sum));
   for (PetscInt t = 0; t < s->nterm; t++) start[s->term[3 * t] + 2]++;
   for (PetscInt k = 0; k < s->ntwo; k++) start[k + 1] += start[k];
   for (PetscInt t = 0; t < s->nterm; t++) {
@@ -283,8 +300,9 @@ static PetscErrorCode sum_bodies(FlowSolver fs, const Lists *s, const DeviceEntr
   PetscCallDevice(q, (*q->run->body.sum_entries)(q, on, (int)s->ntwo, (int)s->nterm, d->list[0], d->list[1], d->list[2],
                                                  d->sum));
   PetscCallDevice(q, (*q->run->download)(q, (size_t)s->ntwo * 16 * sizeof(*sum), d->sum, sum));
+  for (PetscInt k = 0; k < s->ntwo; k++) fill_block(sum + k * 16, block + k * 36);
   PetscCall(PetscFree(start));
-  PetscCall(PetscFree2(arm, entry));
+  PetscCall(PetscFree3(arm, entry, sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -292,7 +310,7 @@ PetscErrorCode FlowSolverCoupleOnDevice(FlowSolver fs, const PenaltyTerm *penalt
 {
   Lists         s;
   DeviceEntries on;
-  PetscReal    *sum;
+  PetscReal    *block;
 
   PetscFunctionBeginUser;
   PetscCall(open_lists(fs, fs->device.body.penalty.on.n, &s));
@@ -300,10 +318,10 @@ PetscErrorCode FlowSolverCoupleOnDevice(FlowSolver fs, const PenaltyTerm *penalt
   PetscCall(send_entries(fs, &s, &on));
   PetscCall(multiply(fs, &s, &on));
   PetscCall(take_pairs(fs, &s, &on));
-  PetscCall(PetscMalloc1(s.ntwo * 16, &sum));
-  PetscCall(sum_bodies(fs, &s, &on, sum));
-  PetscCall(BodyCouplingSetBlocks(fs->body.coupling, penalty, s.ntwo, s.two, sum, own));
-  PetscCall(PetscFree(sum));
+  PetscCall(PetscMalloc1(s.ntwo * 36, &block));
+  PetscCall(sum_bodies(fs, &s, &on, block));
+  PetscCall(BodyCouplingSetBlocks(fs->body.coupling, penalty, s.ntwo, s.two, block, own));
+  PetscCall(PetscFree(block));
   PetscCall(close_lists(&s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -357,26 +357,10 @@ static PetscErrorCode trim(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By the local numbers of bodies from now on */
-static PetscErrorCode finish(BodyCoupling b, const PetscReal *own[])
-{
-  const PetscInt *local = ConstraintGetView(b->constraint)->local_index;
-
-  PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
-  for (PetscInt e = 0; e < b->ntwo; e++) {
-    b->two[e].body  = local[b->two[e].body];
-    b->two[e].other = local[b->two[e].other];
-  }
-  *own = b->own;
-  PetscCall(trim(b));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[])
 {
-  const PetscInt plane = b->loc->dim == 2;
-  PetscInt       nfree = 0;
+  const PetscInt *local = ConstraintGetView(b->constraint)->local_index, plane = b->loc->dim == 2;
+  PetscInt        nfree = 0;
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
@@ -389,33 +373,37 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
   if (penalty) PetscCall(plane ? subtract_penalty(2, b, penalty) : subtract_penalty(3, b, penalty));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->nnode = nfree;
-  PetscCall(finish(b, own));
+  for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
+  for (PetscInt e = 0; e < b->ntwo; e++) {
+    b->two[e].body  = local[b->two[e].body];
+    b->two[e].other = local[b->two[e].other];
+  }
+  *own = b->own;
+  PetscCall(trim(b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodyCouplingSetBlocks(BodyCoupling b, const PenaltyTerm *penalty, PetscInt n, const PetscInt two[],
-                                     const PetscReal sum[], const PetscReal *own[])
+                                     const PetscReal block[], const PetscReal *own[])
 {
-  const PetscInt *body = ConstraintGetView(b->constraint)->local_list;
+  const ConstraintView *c  = ConstraintGetView(b->constraint);
+  const PetscInt        nn = PetscSqr(c->nr);
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
   for (PetscInt e = 0; e < n; e++) {
-    PetscReal *block;
+    PetscReal *to = NULL;
 
-    PetscCall(get_block(b, body[two[2 * e]], body[two[2 * e + 1]], &block));
-    for (PetscInt k = 0; k < 4; k++) { /* the part of 1, and of the way along each axis */
-      const PetscReal *s = sum + e * 16 + k * 4, way[3] = {k == 1, k == 2, k == 3};
-      PetscReal        R[18], E[18];
-
-      RigidMapFill(3, k == 0, way, R);
-      RigidMapFill(3, s[0], s + 1, E);
-      add_product(3, 1, R, E, block);
-    }
+    PetscCall(get_block(b, c->local_list[two[2 * e]], c->local_list[two[2 * e + 1]], &to));
+    PetscCall(PetscArraycpy(to, block + e * nn, nn));
   }
   if (penalty) PetscCall(subtract_penalty(3, b, penalty));
-  PetscCall(finish(b, own));
+  for (PetscInt e = 0; e < b->ntwo; e++) {
+    b->two[e].body  = c->local_index[b->two[e].body];
+    b->two[e].other = c->local_index[b->two[e].other];
+  }
+  *own = b->own;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

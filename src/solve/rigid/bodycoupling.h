@@ -40,11 +40,10 @@ static inline PetscInt BodyCouplingGetMover(const ConstraintView *c, PetscInt i)
    of own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective.
    */
 PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[]);
-/* The same, in space and on one rank, where E is kept elsewhere: blocks [n][nr][nr] of O, each once, of the local
-   [n][4][4] over the nodes that the first moves of the products of 1, x - X and the four numbers of the other's E,
-   without what the penalty has in its own rows. */
+/* The same, in space and on one rank, where E is kept elsewhere: blocks [n][nr][nr] of O, each once, of pairs of local
+   bodies, two [n][2], without what the penalty has in rows of bodies */
 PetscErrorCode BodyCouplingSetBlocks(BodyCoupling, const PenaltyTerm *penalty, PetscInt n, const PetscInt two[],
-                                     const PetscReal sum[], const PetscReal *own[]);
+                                     const PetscReal block[], const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);
