@@ -20,17 +20,6 @@ PetscErrorCode DropCellsArePromised(const MeshLocal *l, PetscBool *promised)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A preset that promises less and has the cells, as the middle of a sentence; "": there is none */
-static PetscErrorCode find_less(PetscInt preset, PetscReal cells, char text[], size_t len)
-{
-  PetscFunctionBeginUser;
-  text[0] = 0;
-  for (PetscInt p = 0; p < preset; p++)
-    if (cells >= CELLS[p])
-      PetscCall(PetscSNPrintf(text, len, ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PromiseText(p)));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode DropCellsCheck(const MeshLocal *l, Drops drops, Bodies bodies, PetscInt preset, char refusal[],
                               size_t len)
 {
@@ -39,11 +28,11 @@ PetscErrorCode DropCellsCheck(const MeshLocal *l, Drops drops, Bodies bodies, Pe
   PetscReal   cells, fewest = PETSC_MAX_REAL;
   PetscInt    group = -1;
   PetscBool   promised;
-  char        less[64], text[512];
+  char        less[64] = "", text[512];
 
   PetscFunctionBeginUser;
   PetscCall(DropCellsArePromised(l, &promised));
-  if (!promised || refusal[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!promised) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DropsGetState(drops, &s));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(DropsGetRadius(drops, g, l, &cells));
@@ -52,7 +41,8 @@ PetscErrorCode DropCellsCheck(const MeshLocal *l, Drops drops, Bodies bodies, Pe
     fewest = cells;
     group  = g;
   }
-  PetscCall(find_less(preset, fewest, less, sizeof(less)));
+  for (PetscInt p = 0; p < preset; p++)
+    if (fewest >= CELLS[p]) PetscCall(PromiseOffer(p, less, sizeof(less)));
   if (bodies) PetscCall(BodiesGetState(bodies, &b));
   if (fewest < CELLS[preset] * (1 - 1e-6))
     PetscCall(

@@ -76,6 +76,13 @@ PetscReal PromisePercent(PetscInt preset)
   return strtod(PROMISE[preset].percent, NULL);
 }
 
+PetscErrorCode PromiseOffer(PetscInt preset, char text[], size_t len)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(text, len, ", use -preset %s (%s %%)", PROMISE_PRESETS[preset], PROMISE[preset].percent));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Has the fluid a law that is not Newtonian, and not one of eddies? */
 static PetscErrorCode is_other_fluid(PetscBool *other)
 {
@@ -115,7 +122,8 @@ PetscErrorCode PromiseMeasureThickness(const MeshLocal *l, Bodies bodies, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscReal PromiseFallSpeed(PetscInt dim, PetscReal d, PetscReal pull, PetscReal nu)
+/* pull: gravity on what a body is denser than the fluid, over the density of that */
+static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscReal nu)
 {
   PetscReal speed = PetscSqrtReal((dim == 2 ? PETSC_PI / 2 : 4. / 3) * d * pull);
 
@@ -128,32 +136,41 @@ PetscReal PromiseFallSpeed(PetscInt dim, PetscReal d, PetscReal pull, PetscReal 
   return speed;
 }
 
+PetscErrorCode PromiseFallSpeed(PetscInt dim, PetscReal size, PetscReal density, PetscReal *speed)
+{
+  PetscReal g[3] = {0, 0, 0}, fluid, viscosity;
+  PetscInt  n;
+
+  PetscFunctionBeginUser;
+  *speed = 0;
+  PetscCall(StreamPeekFluid(&fluid, &viscosity));
+  PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
+  if (n < dim) PetscFunctionReturn(PETSC_SUCCESS);
+  *speed = estimate_fall(dim, size,
+                         PetscAbsReal(density / fluid - 1) *
+                           PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (dim == 3 ? g[2] * g[2] : 0)),
+                         viscosity / fluid);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PromiseEstimateFall(PetscInt dim, Bodies bodies, PetscInt group, PetscReal *size, PetscReal *speed)
 {
   BodyState *s;
-  PetscReal  g[3] = {0, 0, 0};
-  PetscInt   n;
-  PetscReal  density, viscosity;
   PetscReal  first[2] = {0, 0}; /* size and density of its first body */
   PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   *size = *speed = 0;
-  PetscCall(StreamPeekFluid(&density, &viscosity));
-  PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
-  if (!s->group[group].count || n < dim) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->group[group].count) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot)
     PetscFunctionReturn(PETSC_SUCCESS);
   k = BodiesFind(s, s->group[group].first);
   if (k >= 0) first[0] = BodiesGetRadius(s, k);
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
-  *size  = 2 * first[0];
-  *speed = PromiseFallSpeed(dim, *size,
-                            PetscAbsReal(first[1] / density - 1) *
-                              PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (dim == 3 ? g[2] * g[2] : 0)),
-                            viscosity / density);
+  *size = 2 * first[0];
+  PetscCall(PromiseFallSpeed(dim, *size, first[1], speed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,11 +300,10 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     PetscCall(cells_needed(bodies, p, &thick));
     PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
     if (b.group >= 0) continue;
-    PetscCall(PetscSNPrintf(text, len,
-                            preset < 0 && p == PROMISE_DEFAULT
-                              ? ", ask for -preset %s, which then fits its method to that (%s %%)"
-                              : ", use -preset %s (%s %%)",
-                            PROMISE_PRESETS[p], PROMISE[p].percent));
+    if (preset < 0 && p == PROMISE_DEFAULT)
+      PetscCall(PetscSNPrintf(text, len, ", ask for -preset %s, which then fits its method to that (%s %%)",
+                              PROMISE_PRESETS[p], PROMISE[p].percent));
+    else PetscCall(PromiseOffer(p, text, len));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -338,7 +354,7 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode is_aligned(PetscBool *aligned)
+PetscErrorCode PromiseIsAligned(PetscBool *aligned)
 {
   char boundary[32];
 
@@ -370,7 +386,7 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
 
   PetscFunctionBeginUser;
   refusal[0] = 0;
-  PetscCall(is_aligned(&aligned));
+  PetscCall(PromiseIsAligned(&aligned));
   PetscCall(cells_needed(bodies, preset, &thick));
   PetscCall(find_breach(l, bodies, preset, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -387,7 +403,7 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
   Breach    b;
 
   PetscFunctionBeginUser;
-  PetscCall(is_aligned(&aligned));
+  PetscCall(PromiseIsAligned(&aligned));
   PetscCall(cells_needed(bodies, aligned ? PROMISE_ACCURATE : PROMISE_DEFAULT, &thick));
   if (l->dim == 3 && !aligned) thick = PetscMax(thick, SPACE_DEFAULT);
   PetscCall(find_breach(l, bodies, PROMISE_DEFAULT, thick, aligned, scene, &b));

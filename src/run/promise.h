@@ -40,9 +40,13 @@ const char *PromiseText(PetscInt preset); /* the same for messages: "0.2" */
 /* A preset cannot keep its promise: why, with the remedy. If it was asked for, to refusal [len], unless that says
    something, else as a remark. Collective. */
 PetscErrorCode PromiseSay(PetscInt preset, PetscBool asked, const char why[], char refusal[], size_t len);
-/* Terminal speed of a body of this size, by its drag coefficient: in the plane 1, in space that of Schiller and Naumann
-   (1935) for spheres; pull: gravity on what it is denser than the fluid, over the density of that */
-PetscReal PromiseFallSpeed(PetscInt dim, PetscReal size, PetscReal pull, PetscReal nu);
+/* ", use -preset fast (5 %)": another preset, as the middle of a sentence */
+PetscErrorCode PromiseOffer(PetscInt preset, char text[], size_t len);
+/* Is -couple_method aligned now, by options that stay unread? Local. */
+PetscErrorCode PromiseIsAligned(PetscBool *);
+/* Terminal speed of a body of this size and density by the options, which stay unread, by its drag coefficient: in the
+   plane 1, in space that of Schiller and Naumann (1935) for spheres; 0: nothing pulls, or nothing is known. Local. */
+PetscErrorCode PromiseFallSpeed(PetscInt dim, PetscReal size, PetscReal density, PetscReal *speed);
 /* Cells that the boundary layer of a body that falls needs, alone or with others */
 PetscReal PromiseFallLayer(PetscInt preset, PetscBool several);
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */

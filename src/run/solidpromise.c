@@ -3,7 +3,6 @@
 #include "solidpromise.h"
 #include "base/opt.h"
 #include "bodies/local.h"
-#include <strings.h>
 
 #define NEVER 1000 /* cells: a preset does not promise it */
 
@@ -80,21 +79,16 @@ static const PetscReal *find_row(const SolidGroup *g, PetscBool aligned)
 static PetscErrorCode measure_layer(PetscInt dim, const SolidGroup *g, const Stream *stream, PetscReal thick,
                                     PetscReal *layer)
 {
-  PetscReal density, viscosity, speed = 0, size = thick, gravity[3] = {0, 0, 0};
+  PetscReal density, viscosity, speed = 0, size = thick;
   PetscBool convection = PETSC_TRUE;
-  PetscInt  n;
 
   PetscFunctionBeginUser;
   PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(OptPeekBool("-flow_convection", &convection));
-  PetscCall(OptPeekReals("-flow_gravity", 3, gravity, &n));
   if (g->nclamped) speed = stream->speed;
-  else if (!g->membrane && n == dim) {
-    const PetscReal pull = PetscAbsReal(g->density / density - 1) *
-                           PetscSqrtReal(PetscSqr(gravity[0]) + PetscSqr(gravity[1]) + PetscSqr(gravity[2]));
-
+  else if (!g->membrane) {
     size = 2 * g->mesh.radius;
-    if (viscosity > 0) speed = PromiseFallSpeed(dim, size, pull, viscosity / density);
+    PetscCall(PromiseFallSpeed(dim, size, g->density, &speed));
   }
   *layer = convection && speed > 0 ? PetscSqrtReal(size * viscosity / (density * speed)) : PETSC_MAX_REAL;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -137,8 +131,7 @@ static PetscErrorCode describe(const MeshLocal *l, const SolidsState *s, const S
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < preset; p++) {
     PetscCall(find_breach(l, s, stream, p, aligned, &other));
-    if (other.needed == 0)
-      PetscCall(PetscSNPrintf(less, sizeof(less), ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PromiseText(p)));
+    if (other.needed == 0) PetscCall(PromiseOffer(p, less, sizeof(less)));
   }
   if (b->layer)
     PetscCall(PetscSNPrintf(size, sizeof(size),
@@ -165,7 +158,7 @@ PetscErrorCode SolidPromiseCheck(Mesh mesh, Bodies bodies, Solids solids, PetscI
   const MeshLocal *l;
   SolidsState     *s;
   Stream           stream = {.speed = 0};
-  char             text[512], method[32];
+  char             text[512];
   PetscBool        can, still, aligned;
   Breach           b;
 
@@ -173,8 +166,7 @@ PetscErrorCode SolidPromiseCheck(Mesh mesh, Bodies bodies, Solids solids, PetscI
   if (!solids) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(SolidsGetState(solids, &s));
-  PetscCall(OptPeek("-couple_method", method, sizeof(method)));
-  aligned = (PetscBool)!strcasecmp(method, "aligned");
+  PetscCall(PromiseIsAligned(&aligned));
   PetscCall(SolidPromiseCanAlign(l, bodies, solids, &can));
   PetscCall(BodiesAreStill(bodies, &still));
   PetscCall(StreamFind(mesh, bodies, PETSC_FALSE, &stream));

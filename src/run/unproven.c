@@ -198,8 +198,7 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, Solids solids, P
   if (s && s->nall) PetscCall(ScalarLayersFindMethod(&method));
   if (cells < LAYER[method][preset]) {
     for (PetscInt p = 0; p < preset; p++)
-      if (cells >= LAYER[method][p])
-        PetscCall(PetscSNPrintf(less, sizeof(less), ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PromiseText(p)));
+      if (cells >= LAYER[method][p]) PetscCall(PromiseOffer(p, less, sizeof(less)));
     if (cells >= LAYER[SCALAR_LAYER_ALIGNED][preset]) other = ", or use -couple_method aligned";
     PetscCall(PetscSNPrintf(text, sizeof(text),
                             "the boundary layer of scalar '%s', which drives the flow, is %.2f cells thick and needs "
