@@ -110,7 +110,7 @@ def test_answers_are_taken(run, scene, rows, position):
     """Answers of how-do-I, several at a time: a dry run takes them."""
     text = (ROOT / "runs" / "guide" / "howdoi.md").read_text()
     said = {int(number): re.findall(r"`(-[^`]+)`", answer) for number, answer in re.findall(r"^\| (\d+)\. [^|]*\| (.*?) \| [^|]*\|$", text, re.M)}
-    assert sorted(said) == list(range(1, 30))
+    assert sorted(said) == list(range(1, 35))
     place = ", position: [0.9, 2]" if position else ""
     words = [word for row in rows for answer in said[row] if not re.search("flow_rate|restart", answer) for word in shlex.split(answer.replace("<group>", "g"))]
     words = words[: len(words) // 2] if not position else words  # lattice, pack: one of them
