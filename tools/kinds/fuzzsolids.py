@@ -13,6 +13,7 @@ import random
 from kinds.fuzzdraws import MOMENTUM, power, some
 
 FIRST, MEMBRANES, MIXED = 4001, 5001, 5501
+WHOLE, HALVES = (0.25, 0.75), [(0.2, 0.4), (0.6, 0.8)]  # of the box along x, for one group, for two
 VOLUME = 0.03  # of an incompressible one, after the first steps of a scene that was drawn without regard to its step
 SPEED = 20  # times what stream and gravity can have made
 BOOKS = 0.05  # of what was lost
@@ -58,7 +59,7 @@ def put(draw, s, slot, body):
 
 def put_several(draw, slot, body):
     """Now and then several, where the group has the box for itself"""
-    if slot == (0.25, 0.75) and some(draw, 0.2):
+    if slot == WHOLE and some(draw, 0.2):
         body.pop("position"), body.pop("angle", None)
         body.update(place=draw.choice(["lattice", "random"]), count=draw.randint(2, 4))
 
@@ -96,7 +97,7 @@ def draw_membrane(draw, s, slot):
 
 def draw_held(draw, s, slot):
     """A membrane whose area is held as a whole, or, in the first slot of two, a solid"""
-    if slot == (0.2, 0.4) and some(draw, 0.6):
+    if slot == HALVES[0] and some(draw, 0.6):
         return draw_solid(draw, s, slot)
     body = draw_membrane(draw, s, slot)
     if some(draw, 0.7):
@@ -130,7 +131,7 @@ def draw_walls(draw, s, scene):
 def draw_scene(draw, draw_particle):
     s = Scales(draw)
     names = ["one", "two"][: draw.choice([1, 1, 2])]
-    slots = [(0.25, 0.75)] if len(names) == 1 else [(0.2, 0.4), (0.6, 0.8)]
+    slots = [WHOLE] if len(names) == 1 else HALVES
     particle = {"groups": list(names), **{name: draw_particle(draw, s, slot) for name, slot in zip(names, slots)}}
     if some(draw, 0.3):
         particle["groups"].append("disc")
