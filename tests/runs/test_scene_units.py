@@ -11,35 +11,14 @@ import pytest
 import yaml
 
 from conftest import ROOT
+from test_units import Unit
 
 # a length, time, mass and value of a scalar in these units: large ones, small ones
-SYSTEMS = {"large": (12, -12, 24, 12), "small": (-24, 12, -36, -12)}
+SYSTEMS = {name: [2.0**n for n in powers] for name, powers in {"large": (12, -12, 24, 12), "small": (-24, 12, -36, -12)}.items()}
 AS_IN_SPACE = ("surface_tension", "surface_modulus", "area_modulus", "shear_modulus", "bending")  # not those of unit depth
 NOISE = 1e-11  # numbers without a unit that are no more than this are round-off
 # options that have a default with a unit, by what they need
 DEFAULTS = {"flow_density": "1", "flow_viscosity": "0.01", "sim_dt": "0.01"}
-
-
-class Unit:
-    """Exponents of length, time, mass, scalar."""
-
-    def __init__(self, length=0, time=0, mass=0, scalar=0):
-        self.exponents = (length, time, mass, scalar)
-
-    def __mul__(self, other):
-        return Unit(*(a + b for a, b in zip(self.exponents, other.exponents)))
-
-    def __truediv__(self, other):
-        return Unit(*(a - b for a, b in zip(self.exponents, other.exponents)))
-
-    def __rtruediv__(self, one):
-        return Unit() / self
-
-    def __pow__(self, power):
-        return Unit(*(power * a for a in self.exponents))
-
-    def factor(self, system):
-        return 2.0 ** sum(a * b for a, b in zip(self.exponents, SYSTEMS[system]))
 
 
 LENGTH, TIME, SCALAR = Unit(1), Unit(0, 1), Unit(0, 0, 0, 1)
@@ -142,7 +121,7 @@ def convert_value(text, unit, factor, system, scalars):
 
     def divide(match):
         word = match.group(0)
-        return f"({word}*{1 / units[word].factor(system)!r})" if word in units else word
+        return f"({word}*{1 / units[word].factor(SYSTEMS[system])!r})" if word in units else word
 
     formula = re.sub(r"\b[a-z_]\w*\b(?!\()", divide, text)
     return f"{factor!r}*({formula})"
@@ -153,7 +132,7 @@ def convert(scene, dim, scalars, system, folder):
     for name, values in scene.items():
         unit = look_up(options, name)
         assert unit is not None or "ksp" in name, f"no row for option {name}"
-        factor = read_unit(unit or "", dim, name.endswith(AS_IN_SPACE)).factor(system)
+        factor = read_unit(unit or "", dim, name.endswith(AS_IN_SPACE)).factor(SYSTEMS[system])
         if name.endswith("_table"):
             values = [convert_table(ROOT / "runs" / values[0], system, folder)]
         result[name] = [convert_value(value, unit, factor, system, scalars) for value in values]
@@ -167,7 +146,7 @@ def convert_table(path, system, folder):
     heading = [name.strip() for name in lines[0].split(",")]
     text = [",".join(heading)]
     for line in lines[1:]:
-        text.append(",".join(repr(float(value) * units.get(name, Unit()).factor(system)) for name, value in zip(heading, line.split(","))))
+        text.append(",".join(repr(float(value) * units.get(name, Unit()).factor(SYSTEMS[system])) for name, value in zip(heading, line.split(","))))
     (folder / f"{system}.csv").write_text("\n".join(text) + "\n")
     return f"{system}.csv"
 
@@ -200,7 +179,7 @@ def deviations(here, there, dim, system):
         size[units[name].exponents] = max(size.get(units[name].exponents, 0), *map(abs, values))
     for name, values in here.items():
         unit = units[name]
-        others = [value / unit.factor(system) for value in there[name]]
+        others = [value / unit.factor(SYSTEMS[system]) for value in there[name]]
         assert len(values) == len(others), name
         largest = size[unit.exponents] if unit.exponents != (0, 0, 0, 0) else max(map(abs, values))
         far = max(abs(a - b) for a, b in zip(values, others))

@@ -4,13 +4,39 @@ A scene is written once with the exponents of length, time and mass behind every
 """
 import csv
 import json
+import math
 
 import pytest
 
 # one cm, s, g in these units: SI; micrometres, microseconds, picograms
 SYSTEMS = {"cgs": (1, 1, 1), "si": (1e-2, 1, 1e-3), "micro": (1e4, 1e6, 1e12)}
-NUMBER, LENGTH, TIME, SPEED, ACCELERATION = (0, 0, 0), (1, 0, 0), (0, 1, 0), (1, -1, 0), (1, -2, 0)
-DENSITY, VISCOSITY = (-3, 0, 1), (-1, -1, 1)
+
+
+class Unit:
+    """Exponents of length, time, mass and the value of a scalar."""
+
+    def __init__(self, length=0, time=0, mass=0, scalar=0):
+        self.exponents = (length, time, mass, scalar)
+
+    def __mul__(self, other):
+        return Unit(*(a + b for a, b in zip(self.exponents, other.exponents)))
+
+    def __truediv__(self, other):
+        return Unit(*(a - b for a, b in zip(self.exponents, other.exponents)))
+
+    def __rtruediv__(self, one):
+        return Unit() / self
+
+    def __pow__(self, power):
+        return Unit(*(power * a for a in self.exponents))
+
+    def factor(self, sizes):
+        """One of it, where one length, time, mass, value has these sizes"""
+        return math.prod(size**exponent for size, exponent in zip(sizes, self.exponents))
+
+
+NUMBER, LENGTH, TIME, MASS = Unit(), Unit(1), Unit(0, 1), Unit(0, 0, 1)
+SPEED, ACCELERATION, DENSITY, VISCOSITY = LENGTH / TIME, LENGTH / TIME**2, MASS / LENGTH**3, MASS / (LENGTH * TIME)
 
 DISC = {
     "mesh_cells": "24,72", "mesh_lower": "0,0", "mesh_upper": ((2, 6), LENGTH), "flow_density": ((1,), DENSITY), "flow_viscosity": ((0.1,), VISCOSITY),
@@ -45,26 +71,19 @@ RUNS = {
 }
 DOUBLE = ["-flow_krylov_single", "false"]  # what other units leave in the sixteenth digit would change the eighth of a Krylov vector
 IN_ALL = {"demo-nodal", "demo-aligned", "small-penalty"}  # the others in two systems, to save time
-RATE, FORCE, TORQUE = (0, -1, 0), (0, -2, 1), (1, -2, 1)  # in the plane: of a unit of depth
+RATE, FORCE, TORQUE = 1 / TIME, MASS / TIME**2, MASS * ACCELERATION  # in the plane: of a unit of depth
 BODIES = {
     "time": TIME, "x": LENGTH, "y": LENGTH, "angle": NUMBER, "u": SPEED, "v": SPEED, "omega_z": RATE,
     "force_x": FORCE, "force_y": FORCE, "torque_z": TORQUE,
 }
-SERIES = {"time": TIME, "dt": TIME, "cfl": NUMBER, "kinetic_energy": (1, -2, 1)}
-
-
-def factor(exponents, system):
-    product = 1
-    for unit, exponent in zip(SYSTEMS[system], exponents):
-        product *= unit**exponent
-    return product
+SERIES = {"time": TIME, "dt": TIME, "cfl": NUMBER, "kinetic_energy": TORQUE}
 
 
 def options(scene, system):
     words = []
     for name, value in scene.items():
         if not isinstance(value, str):
-            value = ",".join(repr(number * factor(value[1], system)) for number in value[0])
+            value = ",".join(repr(number * value[1].factor(SYSTEMS[system])) for number in value[0])
         words += ["-" + name, value]
     return words
 
@@ -77,14 +96,14 @@ def table(folder, name):
 def deviations(rows, others, exponents, system, radius):
     """Largest difference of each column, relative to the largest number of its unit: what vanishes counts beside what does not, rotation
     by the speed it gives the surface, torque by the force's lever."""
-    size, worst = {NUMBER: 1}, {}
+    size, worst = {NUMBER.exponents: 1}, {}
     for name, unit in exponents.items():
-        size[unit] = max(size.get(unit, 0), max(abs(float(row[name])) for row in rows))
+        size[unit.exponents] = max(size.get(unit.exponents, 0), max(abs(float(row[name])) for row in rows))
     for unit, of, factor_of in ((RATE, SPEED, 1 / radius), (TORQUE, FORCE, radius)):
-        size[unit] = max(size.get(unit, 0), size.get(of, 0) * factor_of)
+        size[unit.exponents] = max(size.get(unit.exponents, 0), size.get(of.exponents, 0) * factor_of)
     for name, unit in exponents.items():
-        far = max(abs(float(a[name]) - float(b[name]) / factor(unit, system)) for a, b in zip(rows, others))
-        worst[name] = far / size[unit]
+        far = max(abs(float(a[name]) - float(b[name]) / unit.factor(SYSTEMS[system])) for a, b in zip(rows, others))
+        worst[name] = far / size[unit.exponents]
     return worst
 
 
@@ -115,8 +134,8 @@ HINGED = {
     "particle_flap_rounding": ((0.04,), LENGTH), "particle_flap_density": ((2,), DENSITY), "particle_flap_position": ((0.513, 0.507, 0.491), LENGTH),
     "particle_flap_pivot": ((-0.2, 0, 0), LENGTH), "particle_flap_hinge": "1,2,0.5", "sim_dt": ((0.005,), TIME), "sim_steps": "2",
 }
-IN_SPACE = {"x": LENGTH, "z": LENGTH, "u": SPEED, "w": SPEED, "omega_x": RATE, "omega_y": RATE, "omega_z": RATE, "force_x": (1, -2, 1), "force_z": (1, -2, 1),
-            "contact_force_x": (1, -2, 1), "torque_y": (2, -2, 1)}
+IN_SPACE = {"x": LENGTH, "z": LENGTH, "u": SPEED, "w": SPEED, "omega_x": RATE, "omega_y": RATE, "omega_z": RATE, "force_x": MASS * ACCELERATION, "force_z": MASS * ACCELERATION,
+            "contact_force_x": MASS * ACCELERATION, "torque_y": MASS * SPEED**2}
 
 
 def test_a_hinge_in_other_units(run, scene, tmp_path):
