@@ -31,7 +31,8 @@ struct _p_BodyCoupling {
   PetscReal *block, *own; /* own [nbodies][nr][nr]: of single bodies */
 };
 
-static PetscErrorCode place_nodes(BodyCoupling b)
+/* INLINE keeps last digits: called out of line, gcc 12 contracts other sums of add_entries to multiply-adds */
+INLINE PetscErrorCode place_nodes(BodyCoupling b)
 {
   const ConstraintView *c   = ConstraintGetView(b->constraint);
   const MeshLocal      *l   = b->loc;
@@ -173,19 +174,20 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
 INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt half, PetscInt q, PetscInt end, PetscInt k,
                             PetscReal e[])
 {
-  const PetscReal *value  = b->rows[half].value;
-  PetscReal        sum[4] = {0};
+  const PetscReal *value = b->rows[half].value;
+  PetscReal        one = e[0], way[3] = {0};
 
-  for (int m = 0; m <= dim; m++) sum[m] = e[m];
+  for (int d = 0; d < dim; d++) way[d] = e[1 + d];
   for (; q < end; q++) {
     const PetscInt at = b->index[get_node(b, half, q)];
 
     if (at < 0) continue;
     if (b->mover[at] != k) break;
-    sum[0] += value[q];
-    for (int d = 0; d < dim; d++) sum[1 + d] += value[q] * b->arm[at * dim + d];
+    one += value[q];
+    for (int d = 0; d < dim; d++) way[d] += value[q] * b->arm[at * dim + d];
   }
-  for (int m = 0; m <= dim; m++) e[m] = sum[m];
+  e[0] = one;
+  for (int d = 0; d < dim; d++) e[1 + d] = way[d];
   return q;
 }
 
