@@ -471,7 +471,6 @@ PetscErrorCode CoarseAssemble(Coarse s)
 PetscErrorCode CoarseKeepChanges(Coarse s, PetscBool *kept)
 {
   PetscFunctionBeginUser;
-  PetscCall(CoarseFlush(s));
   s->keeps = *kept = (PetscBool)(s->laplacian != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

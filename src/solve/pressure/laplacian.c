@@ -259,6 +259,25 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscIn
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nothing is gathered any more */
+static void forget_changes(Laplacian s)
+{
+  const PetscInt dim = s->loc->dim;
+
+  for (PetscInt n = 0; n < s->ncell; n++) {
+    const PetscInt c = s->cell[n];
+
+    for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] = 0;
+    s->listed[c] = PETSC_FALSE;
+    s->volume[c] = 0;
+  }
+  for (PetscInt n = 0; n < s->nvertex; n++) {
+    s->diagonal[s->vertex[n]]      = 0;
+    s->listed_vertex[s->vertex[n]] = PETSC_FALSE;
+  }
+  s->ncell = s->nvertex = 0;
+}
+
 PetscErrorCode LaplacianFlush(Laplacian s, const PetscInt vertex[], Mat A)
 {
   const MeshLocal *l   = s->loc;
@@ -274,18 +293,13 @@ PetscErrorCode LaplacianFlush(Laplacian s, const PetscInt vertex[], Mat A)
     PetscCall(cell_matrix(s, c, s->change + c * dim, K));
     for (PetscInt v = 0; v < nv; v++) row[v] = vertex[l->cell_node[c * l->nb + corner[v]]];
     PetscCall(MatSetValues(A, nv, row, nv, row, K, ADD_VALUES));
-    PetscCall(PetscArrayzero(s->change + c * dim, dim));
-    s->listed[c] = PETSC_FALSE;
-    s->volume[c] = 0;
   }
   for (PetscInt n = 0; n < s->nvertex; n++) {
     const PetscInt i = s->vertex[n];
 
     PetscCall(MatSetValue(A, vertex[i], vertex[i], s->diagonal[i], ADD_VALUES));
-    s->diagonal[i]      = 0;
-    s->listed_vertex[i] = PETSC_FALSE;
   }
-  s->ncell = s->nvertex = 0;
+  forget_changes(s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -302,23 +316,14 @@ PetscErrorCode LaplacianTake(Laplacian s, const PetscInt vertex[], PetscInt *n, 
   PetscCall(PetscMalloc1(s->nvertex, row));
   PetscCall(PetscMalloc1(s->nvertex, value));
   for (PetscInt i = 0; i < s->ncell; i++) {
-    const PetscInt c = s->cell[i];
-
-    (*cell)[i] = c;
-    PetscCall(PetscArraycpy(*change + i * dim, s->change + c * dim, dim));
-    PetscCall(PetscArrayzero(s->change + c * dim, dim));
-    s->listed[c] = PETSC_FALSE;
-    s->volume[c] = 0;
+    (*cell)[i] = s->cell[i];
+    PetscCall(PetscArraycpy(*change + i * dim, s->change + s->cell[i] * dim, dim));
   }
   for (PetscInt v = 0; v < s->nvertex; v++) {
-    const PetscInt i = s->vertex[v];
-
-    (*row)[v]           = vertex[i];
-    (*value)[v]         = s->diagonal[i];
-    s->diagonal[i]      = 0;
-    s->listed_vertex[i] = PETSC_FALSE;
+    (*row)[v]   = vertex[s->vertex[v]];
+    (*value)[v] = s->diagonal[s->vertex[v]];
   }
-  s->ncell = s->nvertex = 0;
+  forget_changes(s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
