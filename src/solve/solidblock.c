@@ -162,15 +162,15 @@ static PetscErrorCode create_mass(FlowSolver fs, const PetscReal at[], Mat A, IS
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Factors of [X, -B^T; scale B, 0] of the cells around the block; slot [nur], pressure [np]: room for their lists */
-static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscReal at[], Mat A, Mat P, PetscInt slot[],
-                                      PetscInt pressure[])
+/* Factors of [X, -B^T; scale B, 0] of the cells around the block */
+static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscReal at[], Mat A, Mat P)
 {
   Mat      B, block[4] = {NULL, NULL, NULL, NULL}, nest, J;
   IS       in[2], slots, pressures;
-  PetscInt n[2] = {0, 0};
+  PetscInt n[2] = {0, 0}, *slot, *pressure;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(fs->nur, &slot, fs->np, &pressure));
   PetscCall(mark_cells(fs, at, &n[0], slot, &n[1], pressure));
   PetscCall(ISCreateGeneral(fs->comm, n[0], slot, PETSC_USE_POINTER, &slots));
   PetscCall(ISCreateGeneral(fs->comm, n[1], pressure, PETSC_USE_POINTER, &pressures));
@@ -191,6 +191,7 @@ static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscRe
   PetscCall(MatDestroy(&nest));
   PetscCall(ISDestroy(&slots));
   PetscCall(ISDestroy(&pressures));
+  PetscCall(PetscFree2(slot, pressure));
   for (PetscInt i = 0; i < 3; i++) PetscCall(MatDestroy(&block[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -287,8 +288,8 @@ static PetscErrorCode remove_block(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* at, n, list[0]: see mark_nodes; the others are for factorise_cells */
-static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt n, PetscInt *list[3])
+/* at, n, list: see mark_nodes */
+static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt n, PetscInt list[])
 {
   SolidBlock b;
   PetscInt   start;
@@ -300,15 +301,15 @@ static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt
   PetscCall(clear(b));
   PetscCall(SolidBlockFindBodies(fs, at));
   PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
-  n += SolidBlockListBodies(fs, start, list[0] + n);
-  PetscCall(ISCreateGeneral(fs->comm, n, list[0], PETSC_COPY_VALUES, &b->in_nodes));
+  n += SolidBlockListBodies(fs, start, list + n);
+  PetscCall(ISCreateGeneral(fs->comm, n, list, PETSC_COPY_VALUES, &b->in_nodes));
   PetscCall(assemble_velocity(fs, &A, &P));
   PetscCall(SolidBlockReduceBodies(fs, A));
   PetscCall(MatCreateSubMatrix(A, b->in_nodes, b->in_nodes, MAT_INITIAL_MATRIX, &Ab));
   PetscCall(factorise(fs->comm, fs->loc->dim, Ab, &b->nodes));
   PetscCall(MatCreateVecs(Ab, &b->x, &b->y));
   PetscCall(VecScatterCreate(fs->vec.t_u, b->in_nodes, b->x, NULL, &b->to_nodes));
-  if (FlowHasStiffOperators(fs->flow)) PetscCall(factorise_cells(b, fs, at, A, P, list[1], list[2]));
+  if (FlowHasStiffOperators(fs->flow)) PetscCall(factorise_cells(b, fs, at, A, P));
   else PetscCall(KSPDestroy(&b->cells));
   PetscCall(MatDestroy(&Ab));
   PetscCall(MatDestroy(&A));
@@ -318,7 +319,7 @@ static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt
 
 PetscErrorCode SolidBlockUpdate(FlowSolver fs)
 {
-  PetscInt   n = 0, *list[3];
+  PetscInt   n = 0, *list;
   PetscReal *at;
   PetscBool  empty;
 
@@ -328,12 +329,12 @@ PetscErrorCode SolidBlockUpdate(FlowSolver fs)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &at));
-  PetscCall(PetscMalloc3(fs->nur, &list[0], fs->nur, &list[1], fs->np, &list[2]));
-  PetscCall(mark_nodes(fs, at, &n, list[0]));
+  PetscCall(PetscMalloc1(fs->nur, &list));
+  PetscCall(mark_nodes(fs, at, &n, list));
   PetscCall(is_empty(fs, n, &empty));
   if (empty) PetscCall(remove_block(fs));
   else PetscCall(update_block(fs, at, n, list));
-  PetscCall(PetscFree3(list[0], list[1], list[2]));
+  PetscCall(PetscFree(list));
   PetscCall(PetscFree(at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
