@@ -24,8 +24,8 @@ struct _p_Penalty {
   /* scalar part for the flow */
   PetscInt   nterm, term_capacity, *term_cell, *term_body;
   PetscReal *term; /* [nterm][nb*nb] */
-  PetscInt   described_capacity, *without, nmoment,
-    moment_capacity; /* of the same, for a flow on a device (FlowMoments) */
+  /* of the same, for a flow on a device (FlowMoments) */
+  PetscInt    described_capacity, *without, nmoment, moment_capacity;
   DeviceBall *ball;
   PetscReal  *moment;
   PetscInt    slip_capacity;

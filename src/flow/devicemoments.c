@@ -16,15 +16,13 @@ typedef struct {
   DeviceBall *ball;
 } Entries;
 
-static void fill_entry(const MeshLocal *l, const PetscInt number[], const CellTerms *terms, PetscInt t, PetscInt place,
-                       Entries *to)
+static void fill_entry(const struct _p_Flow *f, const CellTerms *terms, PetscInt t, PetscInt place, Entries *to)
 {
-  const PetscInt  c = terms->cell[t];
-  const MeshHang *h = MeshCellHang(l, c);
+  const PetscInt c = terms->cell[t];
 
-  for (PetscInt j = 0; j < 27; j++) to->node[place * 27 + j] = (int)l->cell_node[c * 27 + j];
+  for (PetscInt j = 0; j < 27; j++) to->node[place * 27 + j] = (int)f->loc->cell_node[c * 27 + j];
   to->without[place] = (int)terms->moments.without[t];
-  to->hang[place]    = h ? (int)number[h->code] : -1;
+  to->hang[place]    = OnDeviceFindHang(f, c);
 }
 
 /* The moments of a part, or NULL: what they are drawn from */
@@ -40,7 +38,7 @@ static void fill_moments(const DeviceBall *ball, const PetscReal moment[], Petsc
 }
 
 /* Of all terms of an owner in own cells, from place n on */
-static PetscInt fill_owner(const MeshLocal *l, const PetscInt number[], const CellTerms *terms, PetscInt n, Entries *to)
+static PetscInt fill_owner(const struct _p_Flow *f, const CellTerms *terms, PetscInt n, Entries *to)
 {
   const FlowMoments *given = &terms->moments;
   const PetscReal   *next  = given->moment;
@@ -51,20 +49,20 @@ static PetscInt fill_owner(const MeshLocal *l, const PetscInt number[], const Ce
     const PetscReal  *moment = next;
 
     if (!ball) next += MOMENTS;
-    if (terms->cell[t] >= l->ncell) continue;
-    fill_entry(l, number, terms, t, n, to);
+    if (terms->cell[t] >= f->loc->ncell) continue;
+    fill_entry(f, terms, t, n, to);
     fill_moments(ball, moment, n++, to);
   }
   return n;
 }
 
 /* Entries of all terms of own cells; the rest of the last group is empty */
-static PetscInt fill_entries(const struct _p_Flow *f, const PetscInt number[], Entries *to)
+static PetscInt fill_entries(const struct _p_Flow *f, Entries *to)
 {
   static const PetscReal none[MOMENTS] = {0};
   PetscInt               n             = 0;
 
-  for (PetscInt o = 0; o < f->owners.nterms; o++) n = fill_owner(f->loc, number, &f->owners.terms[o], n, to);
+  for (PetscInt o = 0; o < f->owners.nterms; o++) n = fill_owner(f, &f->owners.terms[o], n, to);
   for (PetscInt e = n; e % G; e++) {
     for (PetscInt j = 0; j < 27; j++) to->node[e * 27 + j] = -1;
     to->without[e] = 0;
@@ -112,7 +110,7 @@ PetscErrorCode DeviceMomentsUpdate(Flow f, OnDevice o)
   PetscCall(PetscMalloc6(most * 27, &entries.node, most, &entries.without, most, &entries.hang, most * MOMENTS,
                          &entries.moment, most, &entries.place, most, &entries.ball));
   PetscCall(PetscCalloc1(most / G, &entries.given));
-  p->ngroup = (int)((fill_entries(f, o->hang, &entries) + G - 1) / G);
+  p->ngroup = (int)((fill_entries(f, &entries) + G - 1) / G);
   n         = (size_t)p->ngroup * G;
   PetscCall(DeviceRenew(q, n * 27, entries.node, &p->node, &capacity[0]));
   PetscCall(DeviceRenew(q, n, entries.without, &p->without, &capacity[1]));

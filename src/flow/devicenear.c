@@ -33,13 +33,6 @@ static PetscInt groups(PetscInt n)
   return (n + G - 1) / G;
 }
 
-static int find_hang(const struct _p_Flow *f, PetscInt c)
-{
-  const MeshHang *h = MeshCellHang(f->loc, c);
-
-  return h ? (int)f->device->hang[h->code] : -1;
-}
-
 /* Boxes first; a place of 0 groups of the kind may have none */
 static PetscErrorCode send_cells(Flow f, PetscInt n, const PetscInt cell[], const PetscInt node[], FlowNear *near)
 {
@@ -66,7 +59,7 @@ static PetscErrorCode send_cells(Flow f, PetscInt n, const PetscInt cell[], cons
   PetscCall(open_entries((size_t)c->ngroup * G, &p));
   for (PetscInt e = c->nbox * G; e < c->ngroup * G; e++) p.from[e] = (int)first; /* empty ones too are of the kind */
   for (PetscInt i = 0; i < n; i++)
-    set_entry(&p, at[place[cell[i]] >= first]++, node + i * 27, place[cell[i]], find_hang(f, cell[i]), 0);
+    set_entry(&p, at[place[cell[i]] >= first]++, node + i * 27, place[cell[i]], OnDeviceFindHang(f, cell[i]), 0);
   PetscCall(DeviceRenew(q, c->ngroup * G * 27, p.node, &c->node, &near->capacity[0]));
   PetscCall(DeviceRenew(q, c->ngroup * G, p.from, &c->from, &near->capacity[1]));
   if (f->loc->hang) PetscCall(DeviceRenew(q, c->ngroup * G, p.hang, &c->hang, &near->capacity[2]));
@@ -123,7 +116,7 @@ static PetscErrorCode send_terms(Flow f, PetscInt n, const PetscInt cell[], cons
   count = 0;
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt t = list.first[cell[i]]; t >= 0; t = list.next[t])
-      set_entry(&p, count++, node + i * 27, (int)t, find_hang(f, cell[i]), list.without[t]);
+      set_entry(&p, count++, node + i * 27, (int)t, OnDeviceFindHang(f, cell[i]), list.without[t]);
   PetscCall(DeviceRenew(q, m->ngroup * G * 27, p.node, &m->node, &near->capacity[3]));
   PetscCall(DeviceRenew(q, m->ngroup * G, p.from, &m->from, &near->capacity[4]));
   PetscCall(DeviceRenew(q, m->ngroup * G, p.without, &m->without, &near->capacity[5]));

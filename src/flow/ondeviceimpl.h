@@ -76,6 +76,13 @@ PetscErrorCode DeviceSetCoefficients(OnDevice, const DeviceCells *, const double
 /* Terms of participants of the step (devicemoments.c). Local. */
 PetscErrorCode DeviceMomentsUpdate(Flow, OnDevice);
 PetscErrorCode DeviceMomentsDestroy(OnDevice);
+/* The number on the device of the way in which nodes of an own cell hang, or -1 */
+static inline int OnDeviceFindHang(const struct _p_Flow *f, PetscInt cell)
+{
+  const MeshHang *h = MeshCellHang(f->loc, cell);
+
+  return h ? (int)f->device->hang[h->code] : -1;
+}
 /* o->place and o->place_here. Local. */
 PetscErrorCode OnDeviceFindGroups(OnDevice);
 /* Of rows on their way (devicefetch.c). Local. */
