@@ -16,8 +16,9 @@ typedef struct {
   char      name[64];
   Shape     shape;
   PetscReal density, viscosity, tension;
-  PetscReal x[3], angle; /* of the shape's centroid at the start */
-  Expr      region;      /* in place of a shape: negative where the fluid is at the start */
+  PetscReal x[3];    /* of the shape's centroid at the start, */
+  PetscReal turn[9]; /* and from the shape's frame to space, as RotationMatrix */
+  Expr      region;  /* in place of a shape: negative where the fluid is at the start */
   PetscBool wets;
   PetscReal contact;  /* angle at walls, if it wets them; rad */
   PetscBool never;    /* its drops merge with none */

@@ -1,6 +1,7 @@
 /* Drops: see phase/drops.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/array.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -59,13 +60,29 @@ static PetscErrorCode list_groups(Drops d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* How it is turned, in space about an axis */
+static PetscErrorCode read_turn(DropGroup *g, PetscInt dim, PetscReal angle)
+{
+  const PetscReal c = PetscCosReal(angle), s = PetscSinReal(angle), about_z[9] = {c, -s, 0, s, c, 0, 0, 0, 1};
+  PetscReal       axis[3] = {0, 0, 1}, q[4] = {1, 0, 0, 0};
+  Placement       place = {.angle = angle};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(g->turn, about_z, 9));
+  if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ParticleReadTurn(g->name, axis, NULL, q, NULL));
+  PlaceTurn(axis, q, &place);
+  RotationMatrix(place.q, g->turn);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Where it is at the start: a region, or a shape at a place */
 static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
 {
   DropGroup *group = d->group + g;
   ShapeMass  mass;
   char       name[OPT_NAME], shape[OPT_NAME];
-  PetscReal  constant = 0;
+  PetscReal  constant = 0, angle;
   PetscBool  region, both;
 
   PetscFunctionBeginUser;
@@ -79,7 +96,8 @@ static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
              group->name, name, shape);
   if (region) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ParticleCreateShape(group->name, dim, &group->shape));
-  PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &group->angle));
+  PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &angle));
+  PetscCall(read_turn(group, dim, angle));
   PetscCall(ShapeGetMass(group->shape, &mass));
   d->s.drop[g].target = mass.volume;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -176,7 +194,7 @@ PetscErrorCode DropsView(Drops d, PetscViewer viewer)
 /* Points of the surface, an even number *n, in space: x [*n][2], the caller's to free */
 static PetscErrorCode sample(const DropGroup *g, PetscReal h, PetscInt *n, PetscReal **x)
 {
-  const PetscReal c = PetscCosReal(g->angle), s = PetscSinReal(g->angle);
+  const PetscReal c = g->turn[0], s = g->turn[3];
   PetscReal       first[2 * MIN_EDGES], weight[MIN_EDGES], length = 0, *w;
   ShapeMass       mass;
 
@@ -266,7 +284,7 @@ static PetscErrorCode add_line(PetscInt g, PetscInt n, const PetscReal x[], Edge
 static PetscErrorCode shape_field(void *group, PetscInt n, const PetscReal x[], PetscReal value[])
 {
   const DropGroup *g = (const DropGroup *)group;
-  const PetscReal  c = PetscCosReal(g->angle), s = PetscSinReal(g->angle);
+  const PetscReal  c = g->turn[0], s = g->turn[3];
   PetscReal       *r;
   ShapeMass        mass;
 

@@ -9,14 +9,30 @@
 #define CLOSE  1e-13 /* of the domain */
 #define NSTEP  30
 
-/* Places of a group's shape, in its frame */
-static PetscErrorCode to_frame(const DropGroup *g, PetscInt n, const PetscReal x[], PetscReal sign, PetscReal r[])
+/* x in the frame of the group's shape */
+static PetscErrorCode to_frame(const DropGroup *g, const PetscReal x[3], PetscReal r[3])
 {
   ShapeMass mass;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetMass(g->shape, &mass));
-  for (PetscInt i = 0; i < 3 * n; i++) r[i] = x[i] - sign * (g->x[i % 3] - mass.centroid[i % 3]);
+  for (PetscInt a = 0; a < 3; a++) {
+    r[a] = mass.centroid[a];
+    for (PetscInt b = 0; b < 3; b++) r[a] += g->turn[3 * b + a] * (x[b] - g->x[b]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode from_frame(const DropGroup *g, const PetscReal r[3], PetscReal x[3])
+{
+  ShapeMass mass;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetMass(g->shape, &mass));
+  for (PetscInt a = 0; a < 3; a++) {
+    x[a] = g->x[a];
+    for (PetscInt b = 0; b < 3; b++) x[a] += g->turn[3 * a + b] * (r[b] - mass.centroid[b]);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -81,7 +97,7 @@ static PetscErrorCode find_group(Drops b, const PetscReal x[3], PetscInt *group,
 
     if (b->group[g].region) PetscCall(region_distance(b, b->group + g, x, &far, r));
     else {
-      PetscCall(to_frame(b->group + g, 1, x, 1, r));
+      PetscCall(to_frame(b->group + g, x, r));
       PetscCall(ShapeDistance(b->group[g].shape, 1, r, &far));
     }
     if (far >= *d) continue;
@@ -112,9 +128,9 @@ PetscErrorCode DropsStartClosest(Drops b, PetscInt n, const PetscReal x[], Petsc
       PetscCall(region_closest(b, b->group + g, x + 3 * i, y + 3 * i));
       continue;
     }
-    PetscCall(to_frame(b->group + g, 1, x + 3 * i, 1, r));
+    PetscCall(to_frame(b->group + g, x + 3 * i, r));
     PetscCall(ShapeProject(b->group[g].shape, 1, r, at));
-    PetscCall(to_frame(b->group + g, 1, at, -1, y + 3 * i));
+    PetscCall(from_frame(b->group + g, at, y + 3 * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

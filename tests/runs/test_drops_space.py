@@ -42,6 +42,18 @@ def test_static(drops):
         assert rows[-1][name] == pytest.approx(place, abs=1e-5)
 
 
+def test_turned(run, scene):
+    """An ellipsoid starts turned as its quaternion says and then by its angle about its axis, as rigid bodies do: the long axis of its moments."""
+    turned = "shape: ellipse, a: 0.36, b: 0.24, c: 0.24, quaternion: [0.9659258, 0, 0, 0.2588190], axis: [0, 2, 0], angle: 40 deg"
+    result = run([scene(SCENE.replace("shape: circle, radius: 0.25", turned)), "-output_dir", "out", "-sim_dt", "0.0005", "-sim_steps", "1"])
+    assert result.status == 0, str(result)
+    row = read_rows(result.folder / "out" / "drops.csv")[0]
+    about_z, about_y = math.radians(30), math.radians(40)
+    right = (math.cos(about_y) * math.cos(about_z), math.sin(about_z), -math.sin(about_y) * math.cos(about_z))
+    assert abs(sum(row[f"axis_{name}"] * x for name, x in zip("xyz", right))) > 1 - 1e-3
+    assert row["deformation"] == pytest.approx(0.2, abs=0.01) and row["volume"] == pytest.approx(4 * math.pi / 3 * 0.36 * 0.24**2, rel=5e-3)
+
+
 def test_carried(drops):
     """Through a periodic box with a uniform flow, over its sides (two cells a radius): a ball that goes with the flow."""
     rows, _ = drops("-mesh_periodic", "x,y,z", "-flow_velocity", "1,0.5,0.25", "-sim_dt", "0.025", "-sim_steps", "6", "-particle_drop_position", "0.9,0.5,0.1")

@@ -50,6 +50,9 @@ def test_seeds_stay_what_they_are():
     for seed in range(4001, 4041):
         kind, scene, ranks, *_ = fuzzkinds.draw_kind(seed)
         assert kind == "solids" and ranks in (1, 2) and any("material" in body for body in scene["particle"].values() if isinstance(body, dict))
+    for seed in range(3501, 3541):
+        kind, scene, ranks, s, *_ = fuzzkinds.draw_kind(seed)
+        assert kind == "drops" and ranks in (1, 2) and s.dim == scene["mesh"]["dimension"] == len(s.cells) == 3 and max(s.cells) <= 12
     for kind, seed in zip(fuzzkinds.KINDS, range(fuzzkinds.FIRST, fuzzkinds.FIRST + 5)):
         assert fuzzkinds.draw_kind(seed)[0] == kind
         assert fuzzkinds.draw_kind(seed)[1:3] == fuzzkinds.draw_kind(seed)[1:3] != fuzzkinds.draw_kind(seed + 5)[1:3]

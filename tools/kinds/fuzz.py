@@ -9,7 +9,7 @@
                                                the law spring, bodies without a flow on pivots and slides, restarts of refined meshes on other ranks,
                                                mesh files with one name for all walls
   tools/fuzz --seeds 2001-2200 --output out/fuzz from 2001 on the scenes of below with scalars in the flow and on bodies (kinds/fuzzscalars.py)
-  tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops (kinds/fuzzdrops.py)
+  tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops, from 3501 on in space (kinds/fuzzdrops.py)
   tools/fuzz --seeds 4001-4200 --output out/fuzz from 4001 on elastic particles (kinds/fuzzsolids.py)
   tools/fuzz --seeds 5001-5200 --output out/fuzz from 5001 on membranes, from 5501 on with areas held, and beside elastic solids (kinds/fuzzsolids.py)
 
