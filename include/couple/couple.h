@@ -49,6 +49,8 @@ PetscErrorCode CoupleSetSolids(Couple, Solids);
 /* Drops take part in the step from now on. Borrowed. Collective. Errors: methods, solvers and schemes that do not work
    with them, particles of other materials. */
 PetscErrorCode CoupleSetDrops(Couple, Drops);
+/* Before the first step: the length of the steps that are asked for, of which some may be shorter. Local. */
+PetscErrorCode CoupleSetStep(Couple, PetscReal dt);
 /* Are flow and bodies solved together (-couple_type implicit)? Local. */
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 /* At the start of a run, with the bodies where they begin and the flow as it begins: the fluid inside bodies that move

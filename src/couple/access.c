@@ -10,6 +10,13 @@ PetscErrorCode CoupleIsImplicit(Couple c, PetscBool *implicit)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleSetStep(Couple c, PetscReal dt)
+{
+  PetscFunctionBeginUser;
+  c->dt_asked = dt;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
 {
   PetscFunctionBeginUser;

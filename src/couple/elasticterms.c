@@ -5,7 +5,6 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
-#include "base/opt.h"
 #include "base/project.h"
 #include "bodies/local.h"
 #include "fem/element.h"
@@ -284,15 +283,9 @@ static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscI
 
 /* What a step returns of the error of incompressible volumes: all, but no faster than the steps that were asked for.
    Shorter ones, taken since something moves too far, would move it the faster the shorter they are. */
-static PetscErrorCode find_returned(const FlowStep *step, PetscReal *returned)
+static PetscReal find_returned(Couple c)
 {
-  PetscReal asked = 0;
-  PetscBool given;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeekReal("-sim_dt", &asked, &given));
-  *returned = step->dt < asked ? step->dt / asked : 1;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return c->step->dt < c->dt_asked ? c->step->dt / c->dt_asked : 1;
 }
 
 /* At one quadrature point: J and (returned (J - 1)/J + div (a - x))/bdt, the rate at which the volume is to shrink */
@@ -394,11 +387,10 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
 static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
 {
   const SolidsState *s        = e->s;
+  const PetscReal    returned = find_returned(c);
   PetscInt           point    = 0, *entry;
-  PetscReal          returned = 1;
 
   PetscFunctionBeginUser;
-  PetscCall(find_returned(c->step, &returned));
   e->volumes.n = 0;
   *any_C       = PETSC_FALSE;
   PetscCall(PetscMalloc1(c->loc->ncell, &entry));

@@ -88,7 +88,8 @@ struct _p_Couple {
   PetscBool  sets_up; /* CoupleSetUpGeometry: no step is taken */
   struct {
     PetscReal *u, *p, *dp, *rhs;
-  } field; /* the solution, and the right-hand side of the flow */
+  } field;            /* the solution, and the right-hand side of the flow */
+  PetscReal dt_asked; /* length of the steps that were asked for, see CoupleSetStep; 0: none */
   PetscBool implicit;
   PetscInt  force_form;
   /* who takes part, and those of them that others ask */

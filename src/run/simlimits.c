@@ -21,6 +21,7 @@ PetscErrorCode SimCreateLimits(Sim s)
   PetscFunctionBeginUser;
   PetscCall(LimitsCreate(&s->limits));
   if (p->steady) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->couple) PetscCall(CoupleSetStep(p->couple, s->dt));
   if (p->flow)
     PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
   if (!s->adapt) PetscCall(LimitsAdd(s->limits, &fixed, NULL));
