@@ -83,24 +83,22 @@ PetscErrorCode BooksDestroy(Books *books)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BooksStep(Books b, const FlowDiagnostics *d, PetscReal dt)
+PetscErrorCode BooksStep(Books b, const FlowDiagnostics *d, const CouplePower *p, PetscReal dt)
 {
   PetscReal    before;
-  CouplePower  p;
   CoupleLosses w;
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactGetEnergy(b->contact, NULL, &b->work));
-  PetscCall(CoupleGetPower(b->couple, &p));
   PetscCall(CoupleGetLosses(b->couple, &w));
   before           = b->entry[ENERGY];
-  b->entry[ENERGY] = d->kinetic_energy + p.energy;
+  b->entry[ENERGY] = d->kinetic_energy + p->energy;
   if (!b->started) PetscFunctionReturn(PETSC_SUCCESS);
-  b->entry[SUPPLIED] += dt * (p.power - w.counted);
+  b->entry[SUPPLIED] += dt * (p->power - w.counted);
   b->entry[DISSIPATED] += dt * w.viscous;
   b->entry[BOUNDARY] += dt * w.boundary;
-  b->entry[SCHEME] += dt * (w.inertia - w.contact + p.inflow) - (b->entry[ENERGY] - before);
+  b->entry[SCHEME] += dt * (w.inertia - w.contact + p->inflow) - (b->entry[ENERGY] - before);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

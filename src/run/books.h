@@ -17,7 +17,7 @@ typedef struct _p_Books *Books;
 PetscErrorCode BooksCreate(const SimComponents *, Books *);
 PetscErrorCode BooksDestroy(Books *);
 /* After CoupleMomentum, before CoupleAdvance; after ContactCountWork. Collective; NULL: nothing. */
-PetscErrorCode BooksStep(Books, const FlowDiagnostics *, PetscReal dt);
+PetscErrorCode BooksStep(Books, const FlowDiagnostics *, const CouplePower *, PetscReal dt);
 PetscErrorCode BooksClose(Books);
 /* At the end of a run, before MonitorEnd: energy_error, what the books lack of the energy that was lost; a remark where
    the boundary method took much of it from bodies that met. Not collective, the same on all ranks. */

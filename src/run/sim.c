@@ -293,6 +293,8 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 /* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
 static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
 {
+  CouplePower power;
+
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_FORCE));
   PetscCall(CoupleForce(s->components.couple));
@@ -301,9 +303,10 @@ static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleDiagnose(s->components.couple, &s->diag));
   PetscCall(CoupleMomentum(s->components.couple, &s->diag, &s->balance));
   if (!s->trial) PetscCall(DiagnosticsStep(s->components.diagnostics, &s->balance));
-  PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
-  if (s->check) PetscCall(StepCheckMeasure(s->check, &s->diag, &s->balance, s->time + dt, dt));
+  if (s->books || s->check) PetscCall(CoupleGetPower(s->components.couple, &power));
+  PetscCall(BooksStep(s->books, &s->diag, &power, dt));
+  if (s->check) PetscCall(StepCheckMeasure(s->check, &s->diag, &s->balance, &power, s->time + dt, dt));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
@@ -323,11 +326,6 @@ static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool is_at_end(Sim s)
-{
-  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
-}
-
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
@@ -339,7 +337,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   if (!s->trial) PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
-  if (s->check) PetscCall(SimStopDoubted(s, dt, is_at_end(s)));
+  if (s->check) PetscCall(SimStopDoubted(s, dt, SimIsAtEnd(s)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -569,12 +567,12 @@ PetscErrorCode SimRun(Sim s)
   if (s->components.steady)
     PetscCall(CheckpointPoll(s->components.checkpoint, s->step, &due, &stop)); /* it counts as a step */
   if (stop) PetscCall(CheckpointWrite(s->components.checkpoint, s->step, s->time));
-  if (!s->components.steady && s->step > 0 && is_at_end(s))
+  if (!s->components.steady && s->step > 0 && SimIsAtEnd(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));
   PetscCall(CoresBegin(&s->cores));
-  while (!stop && !is_at_end(s)) {
+  while (!stop && !SimIsAtEnd(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
     if (s->components.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
@@ -590,7 +588,7 @@ PetscErrorCode SimRunTrial(Sim s, Gauge *gauge)
 
   PetscFunctionBeginUser;
   *gauge = s->components.gauge;
-  while (!end && !is_at_end(s)) {
+  while (!end && !SimIsAtEnd(s)) {
     InterruptArm(PETSC_TRUE);
     PetscCall(take_step(s));
     PetscCall(InterruptAsk(&end));

@@ -51,6 +51,7 @@ PetscErrorCode SimStopUnsolved(Sim, KSPConvergedReason, PetscInt its, PetscReal 
 PetscErrorCode SimStopDoubted(Sim, PetscReal dt, PetscBool last);
 /* Creates the limits with the rows of the loop, of the controller (-sim_adapt) and of the checks. Collective. */
 PetscErrorCode SimCreateLimits(Sim);
+PetscBool      SimIsAtEnd(Sim);
 /* Length of the next step, and whether it ends at the time s->until: the end of the run, or that of a snapshot.
    Collective. */
 PetscErrorCode SimChooseStep(Sim, PetscReal *dt);

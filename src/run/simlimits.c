@@ -45,6 +45,11 @@ PetscErrorCode SimCreateLimits(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool SimIsAtEnd(Sim s)
+{
+  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
+}
+
 PetscErrorCode SimChooseStep(Sim s, PetscReal *dt)
 {
   PetscReal left;

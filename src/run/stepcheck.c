@@ -160,18 +160,16 @@ PetscErrorCode StepCheckDestroy(StepCheck *check)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_growth(StepCheck j, const FlowDiagnostics *d, PetscReal dt)
+static PetscErrorCode measure_growth(StepCheck j, const FlowDiagnostics *d, const CouplePower *p, PetscReal dt)
 {
   const FlowElasticity *elastic;
-  CouplePower           p;
   PetscReal             energy, made;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetPower(j->couple, &p));
   PetscCall(FlowGetElasticity(j->flow, &elastic));
-  energy           = d->kinetic_energy + p.energy + (elastic ? elastic->energy : 0);
-  made             = energy - j->energy - dt * PetscMax(0, p.power);
-  j->energy_max    = PetscMax(j->energy_max, d->kinetic_energy + p.size);
+  energy           = d->kinetic_energy + p->energy + (elastic ? elastic->energy : 0);
+  made             = energy - j->energy - dt * PetscMax(0, p->power);
+  j->energy_max    = PetscMax(j->energy_max, d->kinetic_energy + p->size);
   j->value[GROWTH] = j->started && made > 0 ? made / (PetscAbsReal(j->energy) + ENERGY_FLOOR * j->energy_max) : 0;
   j->energy        = energy;
   j->started       = PETSC_TRUE;
@@ -208,8 +206,8 @@ static PetscBool only_noise(StepCheck j, const FlowParameters *par, PetscReal dt
   return (PetscBool)(j->force_max * dt < NOISE * par->density * j->speed_max * PetscSqrtReal(j->domain));
 }
 
-PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time,
-                                PetscReal dt)
+PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const CoupleBalance *b, const CouplePower *p,
+                                PetscReal time, PetscReal dt)
 {
   const FlowParameters *par;
   PetscBool             doubt = PETSC_FALSE;
@@ -222,7 +220,7 @@ PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const Cou
   j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max
                                                                                    : 0;
   j->value[BACKFLOW]   = j->flow_rate ? j->flow_rate->error : 0;
-  PetscCall(measure_growth(j, d, dt));
+  PetscCall(measure_growth(j, d, p, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++) {
     if (!exceeds(j, i)) continue;

@@ -41,8 +41,8 @@ typedef struct _p_StepCheck *StepCheck;
 PetscErrorCode StepCheckCreate(Flow, Bodies, Couple, Limits, StepCheck *);
 PetscErrorCode StepCheckDestroy(StepCheck *);
 /* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
-PetscErrorCode StepCheckMeasure(StepCheck, const FlowDiagnostics *, const CoupleBalance *, PetscReal time,
-                                PetscReal dt);
+PetscErrorCode StepCheckMeasure(StepCheck, const FlowDiagnostics *, const CoupleBalance *, const CouplePower *,
+                                PetscReal time, PetscReal dt);
 /* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
    Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
    start, of all. (That of a body elsewhere may be a jump which does not go on.) As StepCheckDisplacement. */

@@ -367,8 +367,11 @@ static Made sound(void)
 
 static PetscBool doubts(Case *c, const Made *made)
 {
+  CouplePower power;
+
   c->t += 0.1;
-  OK(StepCheckMeasure(c->check, &made->d, &made->b, c->t, 0.1));
+  OK(CoupleGetPower(c->couple, &power));
+  OK(StepCheckMeasure(c->check, &made->d, &made->b, &power, c->t, 0.1));
   return StepCheckDoubts(c->check);
 }
 
