@@ -107,10 +107,11 @@ void DropReportMarkCells(DropReport r)
   if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
 }
 
-/* That a volume is off, once: not after an event, which takes some steps to make good */
+/* That a volume is off, once: not after an event, which takes some steps to make good; that a drop leaves through an
+   opening is none for the others */
 static PetscErrorCode remark_volume(DropReport r, PetscInt step, PetscReal time, PetscReal error)
 {
-  const PetscInt events = r->s->merged + r->s->broken + r->s->left;
+  const PetscInt events = r->s->merged + r->s->broken;
 
   PetscFunctionBeginUser;
   if (events != r->events) r->event = step;
