@@ -20,6 +20,7 @@ typedef struct {
   PetscInt n, nloop;
   PetscReal (*x)[3][2];     /* [n] first, middle, last node */
   PetscReal (*ball)[3];     /* [n] a circle that holds the edge */
+  PetscReal  whole[3];      /* one that holds all */
   PetscInt  *drop;          /* [n] */
   PetscInt  *next, *before; /* [n] */
   PetscInt  *loop;          /* [n] */

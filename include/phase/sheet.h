@@ -22,6 +22,7 @@ typedef struct {
   PetscReal (*x)[9][3]; /* [n] */
   PetscReal (
     *ball)[5];         /* [n] a ball that holds the face; behind it, how far from the next of its nodes it is at most */
+  PetscReal whole[4];  /* one that holds all */
   PetscInt (*node)[9]; /* [n] of nnode, those of neighbours are the same */
   PetscInt  *drop;     /* [n] */
   PetscInt  *part;     /* [n] closed surface that it is of */

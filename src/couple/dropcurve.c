@@ -6,11 +6,11 @@
 #include "fem/edge.h"
 #include "fem/element.h"
 
-void DropsNearest(const PhaseInterface *f, const MeshLocal *l, const PetscReal x[], PhasePoint *p)
+void DropsNearest(const PhaseInterface *f, const MeshLocal *l, const PetscReal x[], PetscReal reach, PhasePoint *p)
 {
   const PetscReal at[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
 
-  *p = (PhasePoint){.d = PETSC_MAX_REAL / 4, .edge = -1};
+  *p = (PhasePoint){.d = reach, .edge = -1};
   for (DomainImages i = {0}; MeshNextImage(l, at, PETSC_MAX_REAL / 4, &i);) {
     PhasePoint q;
 

@@ -6,28 +6,18 @@
 #include "impl.h"
 #include "scalarphases.h"
 
-/* Of the nearest image of the interface (before the first step nothing has moved) */
+/* Of the nearest image of the interface (before the first step nothing has moved), in space about */
 static PetscReal find_distance(const void *ctx, const MeshLocal *l, const PetscReal x[])
 {
-  const CoupleDrops   *f     = (const CoupleDrops *)ctx;
-  const PetscReal      reach = FEET_FAR * l->h, place[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
-  PetscReal            best = reach;
-  const AlignSurfaces *s    = PhaseSurfacesGet(f->surfaces);
+  const PhaseInterface *f    = &((const CoupleDrops *)ctx)->interface;
+  PetscReal             best = FEET_FAR * l->h;
+  PhasePoint            p;
 
-  if (!PhaseInterfaceSize(&f->interface)) return best;
-  for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
-    PetscReal  square = 0;
-    PhasePoint p;
-
-    for (PetscInt a = 0; a < l->dim; a++) square += PetscSqr(i.at[a] - s->centre[0][a]);
-    if (PetscSqrtReal(square) > s->radius[0] + reach) continue;
-    if (l->dim == 3) {
-      best = PhaseSheetNear(&f->interface.sheet, i.at, best); /* about */
-      continue;
-    }
-    PhaseInterfaceClosest(&f->interface, i.at, best, &p);
-    if (p.edge >= 0) best = PetscMin(best, PetscAbsReal(p.d));
+  if (l->dim == 2) {
+    DropsNearest(f, l, x, best, &p);
+    return PetscAbsReal(p.d);
   }
+  for (DomainImages i = {0}; MeshNextImage(l, x, PETSC_MAX_REAL / 4, &i);) best = PhaseSheetNear(&f->sheet, i.at, best);
   return best;
 }
 

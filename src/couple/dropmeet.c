@@ -251,14 +251,12 @@ PetscErrorCode DropsLoadBodies(CoupleDrops *f, Couple c)
   CutCells         cells;
   const CutCell   *cut;
   const PetscReal *size;
-  PetscReal(*sum)[6];
+  PetscReal(*sum)[6] = f->weight_of_bodies;
   PetscInt n;
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree(f->weight_of_bodies));
-  PetscCall(PetscCalloc1(c->s->n, &f->weight_of_bodies));
-  sum = f->weight_of_bodies;
+  PetscCall(PetscArrayzero(sum, c->s->n));
   PetscCall(PetscArrayzero(f->load, c->loc->dim * c->loc->nnode_all));
   PetscCall(FlowGetCellSize(c->flow, &size));
   PetscCall(PenaltyGetCutCells((*c->method.table->penalty)(c->method.data), &cells));
@@ -291,22 +289,6 @@ PetscErrorCode DropsAddForces(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsAddWeightPower(CoupleDrops *f, Couple c, PetscReal *power)
-{
-  PetscReal sum = 0, out[6];
-
-  PetscFunctionBeginUser;
-  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) sum += f->load[i] * c->field.u[i];
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], f->weight_of_bodies[k], f->weight_of_bodies[k] + 3, out));
-    for (PetscInt i = 0; i < c->nr && c->s->own[k]; i++) sum += out[i] * c->rigid.U[k * c->nr + i];
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
-  *power += sum;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- energy ---- */
 
 /* Of something of this size, length or area, what is inside where its middle has the distance d */
@@ -317,14 +299,17 @@ static PetscReal size_inside(PetscInt dim, PetscReal size, PetscReal d)
   return size * PetscMax(0, PetscMin(1, 0.5 - d / across));
 }
 
-/* Of edge or face e of the interface, its length or area inside of bodies */
+/* Of edge or face e of the interface, its length or area inside of bodies: nothing where they are away from it */
 static PetscErrorCode measure_inside(WettedBodies *s, const PhaseInterface *f, PetscInt e, PetscReal *sum)
 {
-  const PetscInt dim = s->c->loc->dim, n = dim == 2 ? PIECES : PIECES * PIECES;
-  PetscReal      x[3 * PIECES * PIECES], size[PIECES * PIECES], d[PIECES * PIECES];
+  const PetscInt   dim = s->c->loc->dim, n = dim == 2 ? PIECES : PIECES * PIECES;
+  const PetscReal *ball = dim == 2 ? f->curve.ball[e] : f->sheet.ball[e];
+  PetscReal        x[3 * PIECES * PIECES], size[PIECES * PIECES], d[PIECES * PIECES];
 
   PetscFunctionBeginUser;
   *sum = 0;
+  PetscCall(distance(s, 1, ball, d, NULL));
+  if (d[0] > 2 * ball[dim]) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal at[2] = {(PetscReal)(2 * (i % PIECES) + 1) / PIECES - 1,
                              (PetscReal)(2 * (i / PIECES) + 1) / PIECES - 1};
@@ -369,7 +354,7 @@ static PetscErrorCode measure_wetted(const CoupleDrops *f, Couple c, PetscInt k,
     PhasePoint       p;
     PetscInt         number;
 
-    DropsNearest(&f->s->interface, c->loc, x + c->loc->dim * i, &p);
+    DropsNearest(&f->s->interface, c->loc, x + c->loc->dim * i, PETSC_MAX_REAL / 4, &p);
     if (p.edge < 0) continue;
     (void)PhaseInterfacePiece(&f->s->interface, p.edge, &number, &middle);
     *sum += tension_of(f->s, number) * size_inside(c->loc->dim, w[i], p.d);
@@ -379,14 +364,31 @@ static PetscErrorCode measure_wetted(const CoupleDrops *f, Couple c, PetscInt k,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsAddWetted(CoupleDrops *f, Couple c, PetscReal *energy)
+/* Of this rank: the power of the weight inside of bodies, and of what they give back */
+static PetscErrorCode add_weight_power(const CoupleDrops *f, Couple c, PetscReal *power)
 {
-  WettedBodies s   = {.c = c, .f = f};
-  PetscReal    sum = 0, more;
+  PetscReal out[6];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) *power += f->load[i] * c->field.u[i];
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal *w = f->weight_of_bodies[k];
+
+    if (!c->s->own[k]) continue;
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], w, w + 3, out));
+    for (PetscInt i = 0; i < c->nr; i++) *power += out[i] * c->rigid.U[k * c->nr + i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of this rank: the energy of surfaces beside that of whole drops */
+static PetscErrorCode add_wetted(const CoupleDrops *f, Couple c, PetscReal *energy)
+{
+  WettedBodies s = {.c = c, .f = f};
+  PetscReal    more;
   PetscMPIInt  rank, nrank;
 
   PetscFunctionBeginUser;
-  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
   PetscCallMPI(MPI_Comm_size(c->comm, &nrank));
   PetscCall(gather_bodies(f, c, PETSC_TRUE, &s));
@@ -396,16 +398,28 @@ PetscErrorCode DropsAddWetted(CoupleDrops *f, Couple c, PetscReal *energy)
 
     if (!PhaseInterfacePiece(&f->s->interface, e, &number, &middle)) continue;
     PetscCall(measure_inside(&s, &f->s->interface, e, &more));
-    sum -= tension_of(f->s, number) * more;
+    *energy -= tension_of(f->s, number) * more;
   }
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (!is_wetted(f, c, k)) continue;
     PetscCall(measure_wetted(f, c, k, &more));
-    sum -= PetscCosReal(f->angle[c->s->body_group[k]]) * more;
+    *energy -= PetscCosReal(f->angle[c->s->body_group[k]]) * more;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
-  *energy += sum;
   PetscCall(PetscFree(s.body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAddEnergyOfBodies(const CoupleDrops *f, Couple c, CouplePower *w)
+{
+  PetscReal sum[2] = {0};
+
+  PetscFunctionBeginUser;
+  if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(add_wetted(f, c, &sum[0]));
+  PetscCall(add_weight_power(f, c, &sum[1]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, c->comm));
+  w->energy += sum[0];
+  w->power += sum[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -143,7 +143,7 @@ static PetscReal distance_at(const CoupleDrops *f, const MeshLocal *l, const Pet
   const PhaseCurve *curve = &f->interface.curve;
   PhasePoint        p;
 
-  DropsNearest(&f->interface, l, x, &p);
+  DropsNearest(&f->interface, l, x, PETSC_MAX_REAL / 4, &p);
   if (p.edge < 0) return p.d;
   for (PetscInt a = 0; a < 2; a++) n[a] = (x[a] - p.y[a]) / PetscAbsReal(p.d);
   if (PetscAbsReal(p.d) < 1e-6 * l->h) EdgeNormal(curve->x[p.edge], EdgeClosest(curve->x[p.edge], p.y), n);

@@ -24,7 +24,6 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree2(f->side, f->slip_length));
   PetscCall(PetscFree(f->closed));
   PetscCall(PetscFree(f->load));
-  PetscCall(PetscFree(f->weight_of_bodies));
   PetscCall(PetscFree2(f->fraction, f->by_middle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -71,6 +70,7 @@ static PetscErrorCode destroy(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(discard(c, data));
+  PetscCall(BodiesDetach(c->bodies, (void **)&f->weight_of_bodies));
   PetscCall(PhaseInterfaceDestroy(&f->interface));
   PetscCall(PhaseSurfacesDestroy(&f->surfaces));
   PetscCall(PetscFree(f->term_cell));
@@ -137,8 +137,7 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     for (PetscInt a = 0; a < c->loc->dim; a++)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
-  PetscCall(DropsAddWetted(f, c, &w->energy));
-  PetscCall(DropsAddWeightPower(f, c, &w->power));
+  PetscCall(DropsAddEnergyOfBodies(f, c, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -349,6 +348,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(OptReal("-couple_drops_steps", &f->steps));
   PetscCall(DropsGetState(drops, &f->s));
   PetscCall(DropsReadAngles(f, c));
+  if (f->meets) PetscCall(BodiesAttachWork(c->bodies, sizeof(*f->weight_of_bodies), (void **)&f->weight_of_bodies));
   f->regular = (PetscBool)form;
   if (f->regular) PetscCall(DropsCheckRegular(f, c));
   PetscCall(add_phases(f, c));

@@ -76,14 +76,12 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *, Couple);
 /* Gravity on what bodies take the place of, on nodes inside, and its opposite in the rows of the bodies, which are
    filled. Collective. */
 PetscErrorCode DropsLoadBodies(CoupleDrops *, Couple);
-/* What both do. After the solve. Collective. */
-PetscErrorCode DropsAddWeightPower(CoupleDrops *, Couple, PetscReal *power);
 /* After the forces on bodies have been found: these are without that. Local. */
 PetscErrorCode DropsAddForces(CoupleDrops *, Couple);
 /* What the energy of surfaces is more than tension times length where bodies are wetted: less what of the interface is
-   inside of them, and tension times cosine of the angle for what of their surface is in a drop. After the solve.
-   Collective. */
-PetscErrorCode DropsAddWetted(CoupleDrops *, Couple, PetscReal *energy);
+   inside of them, and tension times cosine of the angle for what of their surface is in a drop. And the power of
+   DropsLoadBodies. After the solve. Collective. */
+PetscErrorCode DropsAddEnergyOfBodies(const CoupleDrops *, Couple, CouplePower *);
 /* After the drops. Collective. */
 PetscErrorCode DropsVisitBodies(CoupleDrops *, State);
 /* dropapart.c. And which between drops that stay apart. After DropsCloseCells. Collective. */
@@ -140,8 +138,9 @@ PetscErrorCode DropsRegularise(CoupleDrops *, Couple);
 PetscErrorCode DropsFindFractions(CoupleDrops *, Couple);
 /* Error: what the regularised form has not. Collective. */
 PetscErrorCode DropsCheckRegular(CoupleDrops *, Couple);
-/* dropcurve.c. Of the interface and its images, the point closest to x [dim], as seen from there. Not collective. */
-void DropsNearest(const PhaseInterface *, const MeshLocal *, const PetscReal x[], PhasePoint *);
+/* dropcurve.c. Of the interface and its images, the point closest to x [dim], as seen from there, nearer than reach
+   (edge -1: there is none, and d is reach). Not collective. */
+void DropsNearest(const PhaseInterface *, const MeshLocal *, const PetscReal x[], PetscReal reach, PhasePoint *);
 /* A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
 PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
 /* Of velocities u, synced, the mean over every drop: by the flux through its interface, int u_a = int x_a u.n, since

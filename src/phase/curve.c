@@ -1,7 +1,7 @@
 /* PhaseCurve: see phase/curve.h. Edges are handed round as they are (13 numbers each), sorted by the key of their
    middle, and linked by those of their ends. */
 #include "compat.h"
-#include "phase/curve.h"
+#include "impl.h"
 #include "base/sparse.h"
 #include "fem/edge.h"
 
@@ -77,6 +77,7 @@ void PhaseCurveUpdate(PhaseCurve *c)
     ball[1] = c->x[e][1][1];
     ball[2] = EdgeRadius(c->x[e]);
   }
+  PhaseBoundBalls(2, c->n, 3, (const PetscReal *)c->ball, c->whole);
   for (PetscInt l = 0; l < c->nloop; l++) {
     c->area[l] = 0;
     for (PetscInt i = c->first[l]; i < c->first[l + 1]; i++)
@@ -281,6 +282,7 @@ void PhaseCurveClosest(const PhaseCurve *c, const PetscReal x[2], PetscReal reac
   PhasePoint is;
 
   *p = (PhasePoint){.d = reach, .edge = -1};
+  if (EdgeDistance2(x, c->whole) > PetscSqr(reach + c->whole[2])) return;
   for (PetscInt hole = 0; hole < 2; hole++)
     for (PetscInt l = 0; l < c->nloop; l++) {
       if ((c->area[l] < 0) != hole || !search_loop(c, l, x, reach, &is)) continue;

@@ -9,6 +9,25 @@ typedef struct {
   PhaseEdge *edge;
 } Edges;
 
+/* whole [dim + 1]: a ball about the middle of the box of n balls [n][stride], places and radii: that of the corners of
+   the box */
+static inline void PhaseBoundBalls(PetscInt dim, PetscInt n, PetscInt stride, const PetscReal ball[], PetscReal whole[])
+{
+  PetscReal square = 0;
+
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscReal low = PETSC_MAX_REAL, high = -PETSC_MAX_REAL;
+
+    for (PetscInt e = 0; e < n; e++) {
+      low  = PetscMin(low, ball[stride * e + a] - ball[stride * e + dim]);
+      high = PetscMax(high, ball[stride * e + a] + ball[stride * e + dim]);
+    }
+    whole[a] = n ? 0.5 * (low + high) : 0;
+    square += n ? PetscSqr(high - low) : 0;
+  }
+  whole[dim] = 0.5 * PetscSqrtReal(square);
+}
+
 /* pairs.c: StateVisit of the neighbours */
 PetscErrorCode DropsVisitPairs(DropsState *, State);
 

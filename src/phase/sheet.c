@@ -1,7 +1,7 @@
 /* PhaseSheet: see phase/sheet.h. Faces are handed round as they are (56 numbers each), sorted by the key of their
    middle; nodes are those of one key. */
 #include "compat.h"
-#include "phase/sheet.h"
+#include "impl.h"
 #include "base/algebra.h"
 #include "base/face.h"
 #include "base/sparse.h"
@@ -95,6 +95,15 @@ static void face_point(PetscReal (*const x)[3], PetscInt q, PetscReal y[3], Pets
 
 #define NPOINT (EDGE_NGAUSS * EDGE_NGAUSS)
 
+/* The ball about the middle of all that holds all faces */
+static void find_whole(PhaseSheet *s)
+{
+  PhaseBoundBalls(3, s->n, 5, (const PetscReal *)s->ball, s->whole);
+  s->whole[3] = 0;
+  for (PetscInt e = 0; e < s->n; e++)
+    s->whole[3] = PetscMax(s->whole[3], PetscSqrtReal(distance2(s->ball[e], s->whole)) + s->ball[e][3]);
+}
+
 void PhaseSheetUpdate(PhaseSheet *s)
 {
   for (PetscInt p = 0; p < s->npart; p++) s->volume[p] = 0;
@@ -108,6 +117,7 @@ void PhaseSheetUpdate(PhaseSheet *s)
       s->volume[s->part[e]] += dot3(y, n) / 3;
     }
   }
+  find_whole(s);
 }
 
 /* ---- from all ranks ---- */
@@ -319,10 +329,17 @@ static PetscBool search_part(const PhaseSheet *s, PetscInt part, const PetscReal
   return PETSC_TRUE;
 }
 
+/* Are all faces farther from x than reach? */
+static PetscBool is_beyond(const PhaseSheet *s, const PetscReal x[3], PetscReal reach)
+{
+  return (PetscBool)(distance2(x, s->whole) > PetscSqr(reach + s->whole[3]));
+}
+
 PetscReal PhaseSheetNear(const PhaseSheet *s, const PetscReal x[3], PetscReal reach)
 {
   PetscReal best = reach;
 
+  if (is_beyond(s, x, reach)) return reach;
   for (PetscInt e = 0; e < s->n; e++)
     if (!s->wall[e] && distance2(x, s->ball[e]) < PetscSqr(best + s->ball[e][3]))
       best = PetscMin(best, PetscSqrtReal(nearest_node2(s->x[e], x)));
@@ -334,6 +351,7 @@ void PhaseSheetClosest(const PhaseSheet *s, const PetscReal x[3], PetscReal reac
   PhasePoint is;
 
   *p = (PhasePoint){.d = reach, .edge = -1};
+  if (is_beyond(s, x, reach)) return;
   for (PetscInt hole = 0; hole < 2; hole++)
     for (PetscInt k = 0; k < s->npart; k++) {
       if ((s->volume[k] < 0) != hole || !search_part(s, k, x, reach, &is)) continue;

@@ -135,46 +135,18 @@ PetscErrorCode PhaseSurfacesSetClosed(PhaseSurfaces s, const PetscBool closed[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Radius of the ball about a centre that holds all faces */
-static PetscReal reach_of(const PhaseSheet *s, const PetscReal centre[3])
-{
-  PetscReal reach = 0;
-
-  for (PetscInt e = 0; e < s->n; e++) {
-    const PetscReal r[3] = {s->ball[e][0] - centre[0], s->ball[e][1] - centre[1], s->ball[e][2] - centre[2]};
-
-    reach = PetscMax(reach, PetscSqrtReal(dot3(r, r)) + s->ball[e][3]);
-  }
-  return reach;
-}
-
 PetscErrorCode PhaseSurfacesSet(PhaseSurfaces s, const PhaseInterface *f)
 {
-  PetscReal low[3], high[3], square = 0;
+  const PetscReal *whole = s->dim == 2 ? f->curve.whole : f->sheet.whole;
 
   PetscFunctionBeginUser;
   s->interface = f;
   s->start     = NULL;
   s->volume    = 0;
-  for (PetscInt a = 0; a < 3; a++) {
-    low[a]  = PETSC_MAX_REAL;
-    high[a] = -PETSC_MAX_REAL;
-  }
-  for (PetscInt e = 0; e < PhaseInterfaceSize(f); e++)
-    for (PetscInt a = 0; a < s->dim; a++) {
-      const PetscReal *ball = s->dim == 2 ? f->curve.ball[e] : f->sheet.ball[e];
-
-      low[a]  = PetscMin(low[a], ball[a] - ball[s->dim]);
-      high[a] = PetscMax(high[a], ball[a] + ball[s->dim]);
-    }
   for (PetscInt l = 0; l < f->curve.nloop; l++) s->volume += f->curve.area[l];
   for (PetscInt p = 0; p < f->sheet.npart; p++) s->volume += f->sheet.volume[p];
-  for (PetscInt a = 0; a < s->dim && PhaseInterfaceSize(f); a++) {
-    s->centre[0][a] = 0.5 * (low[a] + high[a]);
-    square += PetscSqr(high[a] - low[a]);
-  }
-  s->radius = 0.5 * PetscSqrtReal(square);
-  if (s->dim == 3) s->radius = reach_of(&f->sheet, s->centre[0]);
+  for (PetscInt a = 0; a < s->dim && PhaseInterfaceSize(f); a++) s->centre[0][a] = whole[a];
+  s->radius = whole[s->dim];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
