@@ -164,16 +164,18 @@ PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
 
 /* Operator of all components, in products next to S for every component. */
 typedef struct {
-  Mat              E;         /* own nodes x dim, component fastest */
+  Mat              E;         /* own nodes x dim, component fastest; with P: rows of the owner's own */
+  Mat              P;         /* from own nodes x dim to these rows, the operator is P^T E P (NULL: E) */
   const PetscReal *lumped;    /* [nnode_all] inertia that the owner has among cell terms, for the lumped mass of
                               preconditioners (NULL: none) */
   const PetscReal *force;     /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
-  PetscBool        compliant; /* E is no more than a few times the flow's viscous part: it needs no block */
+  PetscBool        compliant; /* it is no more than a few times the flow's viscous part: it needs no block */
   PetscBool        stiff;     /* so much more, where its solid cuts cells, that their pressures need factors too */
 } FlowOperator;
-/* Adds E to the operator; the same owners in the same order on all ranks. The solver multiplies with E in its
-   iterations, -flow_solver direct adds it to its matrix; others factorise the nodes
-   that it has entries at (solve/solidblock.h) where it is not compliant. Local. */
+/* Adds it to the operator; the same owners in the same order on all ranks. The solver multiplies with it in its
+   iterations, with P, E, P^T one after the other: P^T E P may have several times their entries. That is made where a
+   matrix is needed: -flow_solver direct adds it to its own; others factorise the nodes that it has entries at
+   (solve/solidblock.h) where it is not compliant. Collective. */
 PetscErrorCode FlowAddOperator(Flow, const void *owner, const FlowOperator *);
 
 /* Continuity of own cells that give way or have a source: B u + C p = g with C [n][dim + 1][dim + 1] (1/viscosity times
@@ -335,11 +337,11 @@ PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n
 PetscBool FlowHasOperators(Flow);
 /* Is any of them stiff? Local, on all ranks the same. */
 PetscBool FlowHasStiffOperators(Flow);
-/* marked [own nodes] = true where E of any has an entry that is not 0. Local. */
+/* marked [own nodes] = true where any that is not compliant has an entry that is not 0. Collective. */
 PetscErrorCode FlowMarkOperators(Flow, PetscBool marked[]);
-/* y += sum of the owners' E x; own nodes x dim. Collective. */
+/* y += sum of the owners' operators times x; own nodes x dim. Collective. */
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
-/* A += sum of the owners' E; A: an assembled matrix of the same rows. Collective. */
+/* A += sum of the owners' operators; A: an assembled matrix of the same rows. Collective. */
 PetscErrorCode FlowAddOperatorsTo(Flow, Mat A);
 /* Sum of the owners' `lumped` [nnode_all], of operators and terms, NULL: there are none. Borrowed. Local. */
 PetscErrorCode FlowGetOperatorDiagonal(Flow, const PetscReal *diagonal[]);

@@ -37,7 +37,6 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscFunctionBeginUser;
   (void)c;
   PetscCall(MatDestroy(&e->P));
-  PetscCall(MatDestroy(&e->E));
   PetscCall(PetscFree(e->force));
   PetscCall(ElasticTensionsDiscard(e));
   PetscCall(PetscFree(e->lumped));

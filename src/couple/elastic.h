@@ -77,7 +77,7 @@ typedef struct Elastic {
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal        *x, *a, *u, *end; /* u: velocities as solved, end: positions at its end with them */
   ElasticPoints     node, point;     /* nodes of the solids; their quadrature points */
-  Mat               P, K, E;         /* map, matrix of the solids, P^T K P */
+  Mat               P, K;            /* map, matrix of the solids */
   Vec               us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter        gather;
   PetscReal        *force;           /* [own nodes][dim] on the flow */
@@ -116,7 +116,7 @@ PetscErrorCode ElasticPredict(Elastic *, Couple);
 PetscErrorCode ElasticMap(Elastic *, Couple);
 /* The matrix of the solids, of the nodes of their cells and of what touches in a step. Collective. */
 PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
-/* E, force and the terms of continuity, given to the flow. Collective. */
+/* K, force and the terms of continuity, given to the flow. Collective. */
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);

@@ -5,7 +5,6 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
-#include "base/project.h"
 #include "bodies/local.h"
 #include "fem/element.h"
 
@@ -460,8 +459,6 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(assemble_solids(e, c));
-  PetscCall(MatDestroy(&e->E));
-  PetscCall(MatrixProject(e->K, e->P, &e->E));
   PetscCall(
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
@@ -469,7 +466,8 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscCall(ElasticTensionsSet(e, c));
   if (lined) PetscCall(assemble_inertia(e, c));
   PetscCall(FlowAddOperator(c->flow, e,
-                            &(FlowOperator){.E         = e->E,
+                            &(FlowOperator){.E         = e->K,
+                                            .P         = e->P,
                                             .lumped    = e->align ? e->lumped : NULL,
                                             .force     = e->force,
                                             .compliant = !lined && stiffness <= COMPLIANT,

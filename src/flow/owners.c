@@ -1,6 +1,7 @@
 /* Owners: see owners.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/project.h"
 
 /* Where `owner` stands among n entries of `size` bytes that begin with their owner, or n */
 static PetscInt find_owner(const void *list, size_t size, PetscInt n, const void *owner)
@@ -114,16 +115,26 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What was made of it */
+static PetscErrorCode clear_operator(OwnedOperator *o)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatDestroy(&o->formed));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(VecDestroy(&o->work[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *of)
 {
-  Owners  *o = &f->owners;
-  PetscInt at;
+  Owners  *o  = &f->owners;
+  PetscInt at = find_owner(o->operators, sizeof(*o->operators), o->noperators, owner);
 
   PetscFunctionBeginUser;
   find_again(&f->owners, owner);
+  if (at < o->noperators) PetscCall(clear_operator(&o->operators[at]));
   PetscCall(OwnersAssign(FLOW_OWNERS, o->operators, sizeof(*o->operators), &o->noperators, owner,
                          (PetscBool)(of != NULL), &at));
-  if (at >= 0) o->operators[at] = (OwnedOperator){owner, *of};
+  if (at >= 0) o->operators[at] = (OwnedOperator){.owner = owner, .is = *of};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -165,11 +176,43 @@ PetscErrorCode OwnersSumVolumes(const struct _p_Flow *f, const PetscReal p[], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* As a matrix, which get_matrix then has */
+static PetscErrorCode form_operator(OwnedOperator *o)
+{
+  PetscFunctionBeginUser;
+  if (o->is.P && !o->formed) PetscCall(MatrixProject(o->is.E, o->is.P, &o->formed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static Mat get_matrix(const OwnedOperator *o)
+{
+  return o->is.P ? o->formed : o->is.E;
+}
+
+/* For products, if it has fewer entries than what it is made of */
+static PetscErrorCode keep_cheaper(OwnedOperator *o)
+{
+  MatInfo P, E, formed;
+
+  PetscFunctionBeginUser;
+  if (!o->formed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetInfo(o->is.P, MAT_GLOBAL_SUM, &P));
+  PetscCall(MatGetInfo(o->is.E, MAT_GLOBAL_SUM, &E));
+  PetscCall(MatGetInfo(o->formed, MAT_GLOBAL_SUM, &formed));
+  if (formed.nz_used > E.nz_used + 2 * P.nz_used) PetscCall(MatDestroy(&o->formed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowAddOperatorsTo(Flow f, Mat A)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < f->owners.noperators; i++)
-    PetscCall(MatAXPY(A, 1, f->owners.operators[i].is.E, DIFFERENT_NONZERO_PATTERN));
+  for (PetscInt i = 0; i < f->owners.noperators; i++) {
+    OwnedOperator *o = &f->owners.operators[i];
+
+    PetscCall(form_operator(o));
+    PetscCall(MatAXPY(A, 1, get_matrix(o), DIFFERENT_NONZERO_PATTERN));
+    PetscCall(keep_cheaper(o));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -192,10 +235,12 @@ PetscErrorCode FlowMarkOperators(Flow f, PetscBool marked[])
 
   PetscFunctionBeginUser;
   for (PetscInt o = 0; o < f->owners.noperators; o++) {
-    const Mat E = f->owners.operators[o].is.E;
-    PetscInt  start;
+    PetscInt start;
+    Mat      E;
 
     if (f->owners.operators[o].is.compliant) continue;
+    PetscCall(form_operator(&f->owners.operators[o]));
+    E = get_matrix(&f->owners.operators[o]);
     PetscCall(MatGetOwnershipRange(E, &start, NULL));
     for (PetscInt i = 0; i < f->loc->nnode * dim; i++) {
       const PetscScalar *v;
@@ -209,10 +254,30 @@ PetscErrorCode FlowMarkOperators(Flow f, PetscBool marked[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y += P^T E P x */
+static PetscErrorCode multiply_mapped(OwnedOperator *o, Vec x, Vec y)
+{
+  PetscFunctionBeginUser;
+  if (!o->work[0]) {
+    PetscCall(MatCreateVecs(o->is.P, NULL, &o->work[0]));
+    PetscCall(VecDuplicate(o->work[0], &o->work[1]));
+  }
+  PetscCall(MatMult(o->is.P, x, o->work[0]));
+  PetscCall(MatMult(o->is.E, o->work[0], o->work[1]));
+  PetscCall(MatMultTransposeAdd(o->is.P, o->work[1], y, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowMultiplyOperators(Flow f, Vec x, Vec y)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < f->owners.noperators; i++) PetscCall(MatMultAdd(f->owners.operators[i].is.E, x, y, y));
+  for (PetscInt i = 0; i < f->owners.noperators; i++) {
+    OwnedOperator *o = &f->owners.operators[i];
+    const Mat      E = get_matrix(o);
+
+    if (E) PetscCall(MatMultAdd(E, x, y, y));
+    else PetscCall(multiply_mapped(o, x, y));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -250,6 +315,7 @@ void OwnersAddForces(const struct _p_Flow *f, PetscReal r[])
 PetscErrorCode OwnersClear(Owners *o)
 {
   PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < o->noperators; i++) PetscCall(clear_operator(&o->operators[i]));
   PetscCall(PetscFree(o->lumped));
   o->nterms = o->noperators = o->nforces = o->nvolumes = 0;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -19,6 +19,8 @@ typedef struct {
 typedef struct {
   const void  *owner;
   FlowOperator is;
+  Mat          formed;  /* P^T E P; NULL: nobody has asked for it, or products are done sooner without */
+  Vec          work[2]; /* P x, E P x; NULL: no product yet */
 } OwnedOperator;
 
 typedef struct {
