@@ -314,6 +314,21 @@ static PetscErrorCode add_phases(const CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Solvers that solve for what tension does to a step */
+static PetscErrorCode check_solver(Couple c, const DropsState *s)
+{
+  char kind[32];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-flow_solver", kind, sizeof(kind)));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(s->group[g].tension == 0 || strcmp(kind, "fast") != 0, c->comm, PETSC_ERR_SUP,
+               "-flow_solver fast leaves too much of the surface tension of '%s' (drops at rest break up): use -flow_solver balanced, accurate or "
+               "direct",
+               s->group[g].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
 {
   static const char *const FORMS[] = {"aligned", "regularised", NULL};
@@ -347,6 +362,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   f->drops = drops;
   PetscCall(OptReal("-couple_drops_steps", &f->steps));
   PetscCall(DropsGetState(drops, &f->s));
+  PetscCall(check_solver(c, f->s));
   PetscCall(DropsReadAngles(f, c));
   if (f->meets) PetscCall(BodiesAttachWork(c->bodies, sizeof(*f->weight_of_bodies), (void **)&f->weight_of_bodies));
   f->regular = (PetscBool)form;

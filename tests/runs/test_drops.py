@@ -412,6 +412,7 @@ def test_energy(drops, scene, options):
         (["-particle_bubble_contact_angle", "5 deg"], "-particle_bubble_contact_angle"),
         (["-particle_bubble_contact_angle", "1", "-flow_bc_left_type", "no_slip", "-flow_bc_right_type", "no_slip"], "no plane wall of type slip"),
         (["-flow_bc_left_navier", "1"], "-flow_bc_left_navier"),
+        (["-flow_solver", "fast"], "surface tension"),
     ],
 )
 def test_refusals(run, options, message):

@@ -9,14 +9,14 @@ tension can have made, balance of momentum.
 import math
 import random
 
-from kinds.fuzzdraws import MOMENTUM, MOMENTUM_FAST, power, some
+from kinds.fuzzdraws import MOMENTUM, power, some
 from toolbox import read_rows
 
 FIRST, SPACE = 3001, 3501
 VOLUME = {2: 1e-3, 3: 1e-4}  # of a drop's, when no event was within AFTER steps
 AFTER = 10
 SIDES = [("left", "right"), ("bottom", "top"), ("back", "front")]
-CLOSED = 1e-3  # as MOMENTUM, in space with other solvers than fast
+CLOSED = 1e-3  # as MOMENTUM, in space
 SPEED = 20  # times what stream, gravity and tension can have made
 
 
@@ -140,7 +140,7 @@ def draw_scene(draw, dim=2):
         particle["disc"] = {"shape": "circle", "radius": s.h * (draw.uniform(1, 2.5) if dim == 2 else draw.uniform(0.8, 1.5)), "density": s.density * draw.choice([0.5, 2, 10]), "position": [x * draw.uniform(0.25, 0.75) for x in s.upper]}
         if some(draw, 0.3):
             particle["disc"]["free"] = "none"
-    flow = {"density": s.density, "viscosity": s.viscosity, "gravity": [0, -s.gravity, 0][:dim], "solver": draw.choice(["direct", "direct", "balanced", "fast"])}
+    flow = {"density": s.density, "viscosity": s.viscosity, "gravity": [0, -s.gravity, 0][:dim], "solver": draw.choice(["direct", "direct", "balanced", "accurate"])}
     if some(draw, 0.2):
         flow["time"] = "be"
     scene = {"mesh": {"cells": s.cells, "upper": s.upper} if dim == 2 else {"dimension": dim, "cells": s.cells, "upper": s.upper}, "flow": flow, "particle": particle, "output": {"every": draw.choice([0, 5])}}
@@ -175,7 +175,7 @@ def check_drops(run, scene, s):
         quiet = line["step"] - events[-1] > AFTER or len(events) == 1
         if quiet and not told and line["drop_volume_error"] > VOLUME[s.dim]:
             return f"volume off by {line['drop_volume_error']:.2g} in step {line['step']:g}"
-        limit = MOMENTUM_FAST if scene["flow"]["solver"] == "fast" else MOMENTUM if s.dim == 2 else CLOSED
+        limit = MOMENTUM if s.dim == 2 else CLOSED
         if line is series[-1] and line["momentum_error"] > limit and not any("ends in doubt" in remark for remark in run.summary["remarks"]):
             return f"momentum off by {line['momentum_error']:.2g} in step {line['step']:g}"
     fastest = possible_speed(scene, s)
