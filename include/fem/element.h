@@ -62,6 +62,10 @@ void ElementBasis(PetscInt dim, const PetscReal xi[], PetscReal phi[], PetscReal
    [dim][dim]. */
 void ElementMap(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[], PetscReal J[]);
 
+/* Basis phi [nb] at quadrature point q of the cell with nodes xc [nb][dim]; returns the point's weight with the volume,
+   of a cell by itself (of many: ElementSetMetric). */
+PetscReal ElementGaussPoint(PetscInt dim, const PetscReal xc[], PetscInt q, PetscReal phi[]);
+
 /* Reference coordinates xi [dim] of the point x [dim] in the cell with nodes xc [nb][dim] by Newton's method; false if
    it does not converge (the map need not have an inverse far outside of the cell). The point may
    lie outside: |xi| > 1. */

@@ -22,7 +22,6 @@
 #include "bodies/mass.h"
 #include "fem/edge.h"
 #include "fem/element.h"
-#include "fem/gauss.h"
 #include "flow/condition.h"
 
 #define PIECES 12  /* of an edge or along both directions of a face, where the surface of a body cuts it */
@@ -202,13 +201,9 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
 static void add_load(PetscInt dim, PetscInt nb, const PetscReal xc[], const PetscReal load[], PetscReal force[])
 {
   for (PetscInt q = 0; q < nb; q++) {
-    const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
-    PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], w;
+    PetscReal       phi[MESH_MAX_NB];
+    const PetscReal w = ElementGaussPoint(dim, xc, q, phi);
 
-    ElementBasis(dim, xi, phi, dphi);
-    ElementMap(dim, xc, xi, x, J);
-    w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
-        DenseDeterminant(dim, J);
     for (PetscInt j = 0; j < dim * nb; j++) force[j] += w * phi[j / dim] * load[j % dim];
   }
 }

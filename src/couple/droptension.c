@@ -6,7 +6,6 @@
 #include "base/array.h"
 #include "fem/edge.h"
 #include "fem/element.h"
-#include "fem/gauss.h"
 #include "fem/side.h"
 
 #define MASS     0.12 /* of the diagonal of tension: mass for the pressure */
@@ -190,13 +189,9 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
     if (k < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
     for (PetscInt q = 0; q < nb; q++) {
-      const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
-      PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], w;
+      PetscReal       phi[MESH_MAX_NB];
+      const PetscReal w = ElementGaussPoint(dim, xc, q, phi) * (f->fraction ? f->fraction[e] : 1);
 
-      ElementBasis(dim, xi, phi, dphi);
-      ElementMap(dim, xc, xi, x, J);
-      w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
-          DenseDeterminant(dim, J) * (f->fraction ? f->fraction[e] : 1);
       sum[4 * k] += w;
       for (PetscInt j = 0; j < dim * nb; j++)
         sum[4 * k + 1 + j % dim] += w * phi[j / dim] * u[dim * l->cell_node[nb * e + j / dim] + j % dim];

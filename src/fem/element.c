@@ -3,6 +3,7 @@
 #include "fem/element.h"
 #include "base/algebra.h"
 #include "base/inline.h"
+#include "fem/gauss.h"
 #include <petscfe.h>
 
 /* Nodes and quadrature points of a cell, and padded: constants of the inlined kernels */
@@ -373,6 +374,17 @@ void ElementMap(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscR
       x[a] += phi[j] * xc[j * dim + a];
       for (PetscInt e = 0; e < dim; e++) J[a * dim + e] += dphi[e * nb + j] * xc[j * dim + a];
     }
+}
+
+PetscReal ElementGaussPoint(PetscInt dim, const PetscReal xc[], PetscInt q, PetscReal phi[])
+{
+  const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
+  PetscReal       dphi[3 * ELEMENT_MAX_NB], x[3], J[9];
+
+  ElementBasis(dim, xi, phi, dphi);
+  ElementMap(dim, xc, xi, x, J);
+  return GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
+         DenseDeterminant(dim, J);
 }
 
 PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
