@@ -84,9 +84,9 @@ PetscErrorCode ScalarsPredict(Scalars all, PetscInt i, const PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Size of what the rows of free nodes balance, from r, what is left of them at x. Rows of nodes that have a value are
-   not in it: they are values, of another unit. */
-static PetscErrorCode find_size(Scalars all, Scalar *s, Vec x, Vec r, Vec work, PetscReal *size)
+/* Size of what the rows of free nodes balance, and norm of r, what is left of them at x. Rows of nodes that have a
+   value are not in it: they are values, of another unit. */
+static PetscErrorCode find_size(Scalars all, Scalar *s, Vec x, Vec r, Vec work, PetscReal *size, PetscReal *norm)
 {
   const PetscReal *v[2], *d;
   PetscReal        sum[3] = {0, 0, 0}; /* squares: of the diagonal times the solution, right-hand sides, what is left */
@@ -106,7 +106,8 @@ static PetscErrorCode find_size(Scalars all, Scalar *s, Vec x, Vec r, Vec work, 
   PetscCall(VecRestoreArrayRead(x, v));
   PetscCall(VecRestoreArrayRead(work, &d));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
-  *size = PetscSqrtReal(sum[0]) + PetscSqrtReal(sum[1]) + PetscSqrtReal(sum[2]);
+  *norm = PetscSqrtReal(sum[2]);
+  *size = PetscSqrtReal(sum[0]) + PetscSqrtReal(sum[1]) + *norm;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -315,8 +316,7 @@ static PetscErrorCode solve_linear(Scalars all, Scalar *s, KSPConvergedReason *r
   PetscCall(VecDuplicate(b, &dx));
   PetscCall(MatMult(ScalarGetProduct(s), x, r));
   PetscCall(VecAYPX(r, -1, b));
-  PetscCall(find_size(all, s, x, r, dx, &size));
-  PetscCall(VecNorm(r, NORM_2, &norm));
+  PetscCall(find_size(all, s, x, r, dx, &size, &norm));
   if (all->step.ct == 0) norm = 0;
   PetscCall(
     solve_for_correction(all, s, PetscMin(LOOSE * size, PetscMax(TOLERANCE * size, all->rtol * norm)), r, dx, reason));
