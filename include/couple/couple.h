@@ -46,6 +46,9 @@ PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* Elastic solids take part in the step from now on. Borrowed. Collective. Errors: solvers and schemes that do not work
    with them. */
 PetscErrorCode CoupleSetSolids(Couple, Solids);
+/* Why the mesh cannot be lined up with elastic particles (-couple_method aligned), beside these bodies, in a mesh that
+   follows them or not (`tracks`): the error as it is printed; NULL: it can. Collective. */
+PetscErrorCode CoupleCanAlignSolids(PetscInt dim, Bodies, Solids, PetscBool tracks, const char **why);
 /* Drops take part in the step from now on. Borrowed. Collective. Errors: methods, solvers and schemes that do not work
    with them, particles of other materials. */
 PetscErrorCode CoupleSetDrops(Couple, Drops);

@@ -489,51 +489,30 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A mesh that has been given another form as a whole has no cells to be made anew */
-static PetscErrorCode check_track(const Elastic *e, Couple c)
-{
-  PetscBool tracks = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeekBool("-mesh_track", &tracks));
-  PetscCheck(!tracks || !e->anchored, c->comm, PETSC_ERR_SUP,
-             "-mesh_track true: the mesh goes along with elastic particles that are held, and its fine cells with it: remove -mesh_track");
-  PetscCheck(!tracks || !e->rebase, c->comm, PETSC_ERR_SUP,
-             "-mesh_track true: with -couple_method aligned the mesh is lined up with rigid bodies once, before elastic particles: use "
-             "-couple_method penalty, or remove -mesh_track");
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* -couple_method aligned, of solids alone or next to rigid bodies that stand still */
+/* -couple_method aligned, of solids alone or next to rigid bodies that stand still. A mesh that has been given another
+   form as a whole has no cells to be made anew. */
 static PetscErrorCode choose_method(Elastic *e, Couple c)
 {
   const BoundaryMethod *method = c->method.table;
-  PetscBool             still;
+  const char           *why;
+  PetscBool             tracks = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
   e->aligned = method->moves_nodes;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(e->s->dim == 2 || !SolidsHave(e->s, PETSC_TRUE), c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned: in space the mesh is not lined up with membranes: use -couple_method penalty, which immerses them");
-  PetscCheck(!SolidsHave(e->s, PETSC_TRUE) || !SolidsHave(e->s, PETSC_FALSE), c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned: the mesh is lined up with membranes or with elastic solids, not with both: use -couple_method penalty, which immerses "
-             "them");
-  PetscCall(BodiesAreStill(c->bodies, &still));
-  PetscCheck(still, c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
-             "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)");
-  e->rebase = (PetscBool)(c->s->nall > 0);
-  PetscCheck(!e->rebase || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
-             "elastic ones");
+  PetscCall(OptPeekBool("-mesh_track", &tracks));
+  PetscCall(CoupleCanAlignSolids(e->s->dim, c->bodies, e->solids, tracks, &why));
+  PetscCheck(!why, c->comm, PETSC_ERR_SUP, "%s", why);
+  e->rebase   = (PetscBool)(c->s->nall > 0);
   e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsHave(e->s, PETSC_TRUE));
   for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
   PetscCall(OptBool("-couple_anchored", &e->anchored));
   PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_anchored true: the mesh goes along with elastic particles that are held in the plane alone; in space it is lined up with them in "
              "every step: remove it");
-  PetscCall(check_track(e, c));
+  PetscCheck(!tracks || !e->anchored, c->comm, PETSC_ERR_SUP,
+             "-mesh_track true: the mesh goes along with elastic particles that are held, and its fine cells with it: remove -mesh_track");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -2,6 +2,8 @@
 #include "compat.h"
 #include "elasticalign.h"
 #include "alignkept.h"
+#include "bodies/local.h"
+#include "couple/couple.h"
 
 /* Of a mesh that is no more */
 struct _n_ElasticAlignKept {
@@ -269,5 +271,42 @@ PetscErrorCode ElasticAlignVisitState(ElasticAlign f, State state)
   }
   PetscCall(PetscFree(aligned));
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- whether it can be done ---- */
+
+PetscErrorCode CoupleCanAlignSolids(PetscInt dim, Bodies bodies, Solids solids, PetscBool tracks, const char **why)
+{
+  SolidsState *s;
+  BodyState   *rigid;
+  PetscBool    still, membranes, both;
+
+  PetscFunctionBeginUser;
+  PetscCall(SolidsGetState(solids, &s));
+  PetscCall(BodiesGetState(bodies, &rigid));
+  PetscCall(BodiesAreStill(bodies, &still));
+  membranes = SolidsHave(s, PETSC_TRUE);
+  both      = (PetscBool)(membranes && SolidsHave(s, PETSC_FALSE));
+  *why      = NULL;
+  if (membranes && dim == 3)
+    *why =
+      "-couple_method aligned: in space the mesh is not lined up with membranes: use -couple_method penalty, which immerses them";
+  else if (both)
+    *why =
+      "-couple_method aligned: the mesh is lined up with membranes or with elastic solids, not with both: use -couple_method penalty, which immerses "
+      "them";
+  else if (!still)
+    *why =
+      "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
+      "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)";
+  else if (rigid->nall && dim == 3)
+    *why =
+      "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
+      "elastic ones";
+  else if (rigid->nall && tracks)
+    *why =
+      "-mesh_track true: with -couple_method aligned the mesh is lined up with rigid bodies once, before elastic particles: use "
+      "-couple_method penalty, or remove -mesh_track";
   PetscFunctionReturn(PETSC_SUCCESS);
 }

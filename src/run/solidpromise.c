@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "solidpromise.h"
 #include "base/opt.h"
-#include "bodies/local.h"
+#include "couple/couple.h"
 
 #define NEVER 1000 /* cells: a preset does not promise it */
 
@@ -29,18 +29,13 @@ static const PetscReal STREAM[PROMISE_NPRESETS] = {0.35, 0.8, 2};
 
 PetscErrorCode SolidPromiseCanAlign(const MeshLocal *l, Bodies bodies, Solids solids, PetscBool *can)
 {
-  BodyState   *rigid;
-  SolidsState *s;
-  PetscBool    tracks = PETSC_FALSE;
+  PetscBool   tracks = PETSC_FALSE;
+  const char *why;
 
   PetscFunctionBeginUser;
-  PetscCall(SolidsGetState(solids, &s));
-  PetscCall(BodiesGetState(bodies, &rigid));
-  PetscCall(BodiesAreStill(bodies, can));
   PetscCall(OptPeekBool("-mesh_track", &tracks));
-  if (SolidsHave(s, PETSC_TRUE) && (l->dim == 3 || SolidsHave(s, PETSC_FALSE))) *can = PETSC_FALSE;
-  if (l->dim == 3 && rigid->nall) *can = PETSC_FALSE;
-  if (tracks && rigid->nall) *can = PETSC_FALSE;
+  PetscCall(CoupleCanAlignSolids(l->dim, bodies, solids, tracks, &why));
+  *can = (PetscBool)!why;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
