@@ -10,6 +10,12 @@
 #define NODES(dim)  ((dim) == 2 ? 9 : 27)
 #define PADDED(dim) ((dim) == 2 ? 12 : 28)
 
+/* Newton's method from the middle of a cell may end beyond a corner that is flat. Results so far off are taken for that,
+   and it begins again beside the nearest node, so far out; that counts if it ends within the cell. */
+#define ELSEWHERE 2
+#define BESIDE    0.8
+#define WITHIN    1e-6
+
 /* ---- tables ---- */
 
 /* Which PETSc basis function belongs to lattice position j: the one that is 1 there */
@@ -387,11 +393,11 @@ PetscReal ElementGaussPoint(PetscInt dim, const PetscReal xc[], PetscInt q, Pets
          DenseDeterminant(dim, J);
 }
 
-PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
+/* Newton's method from xi */
+static PetscBool locate_from(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
 {
   PetscReal step = 1;
 
-  for (PetscInt d = 0; d < dim; d++) xi[d] = 0;
   for (PetscInt it = 0; it < 30 && step > 1e-13; it++) {
     PetscReal at[3], J[9], inverse[9];
 
@@ -408,6 +414,38 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
     if (!(step < 1e3)) return PETSC_FALSE;
   }
   return (PetscBool)(step <= 1e-8);
+}
+
+static PetscReal largest_of(PetscInt dim, const PetscReal xi[])
+{
+  PetscReal largest = 0;
+
+  for (PetscInt d = 0; d < dim; d++) largest = PetscMax(largest, PetscAbsReal(xi[d]));
+  return largest;
+}
+
+PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
+{
+  const PetscInt nb      = dim == 2 ? 9 : 27;
+  PetscInt       nearest = 0;
+  PetscReal      closest = PETSC_MAX_REAL, at[3];
+  PetscBool      found;
+
+  for (PetscInt d = 0; d < dim; d++) xi[d] = 0;
+  found = locate_from(dim, xc, x, xi);
+  if (found && largest_of(dim, xi) <= ELSEWHERE) return PETSC_TRUE;
+  for (PetscInt j = 0; j < nb; j++) {
+    PetscReal square = 0;
+
+    for (PetscInt a = 0; a < dim; a++) square += PetscSqr(x[a] - xc[j * dim + a]);
+    if (square >= closest) continue;
+    closest = square;
+    nearest = j;
+  }
+  for (PetscInt d = 0, j = nearest; d < dim; d++, j /= 3) at[d] = BESIDE * (PetscReal)(j % 3 - 1);
+  if (!locate_from(dim, xc, x, at) || !(largest_of(dim, at) <= 1 + WITHIN)) return found;
+  for (PetscInt d = 0; d < dim; d++) xi[d] = at[d];
+  return PETSC_TRUE;
 }
 
 /* ---- divergence ---- */

@@ -368,6 +368,29 @@ static void test_errors(void **state)
   (void)remove(RING);
 }
 
+/* A cell with a corner of nearly 180 degrees, of a mesh lined up with an elastic disc: all its points are found in it,
+   beside that corner too, from where Newton's method ends up far away when it begins in the middle */
+static void test_flat_corner(void **state)
+{
+  const PetscReal xc[18] = {25.6723, 24.6349, 26.7522, 24.4533, 27.8321, 24.2717, 25.9851, 24.7821, 27.0111,
+                            24.8594, 27.8944, 25.1462, 26.3112, 24.8981, 27.2766, 25.2499, 27.9566, 26.0208};
+
+  (void)state;
+  for (PetscInt i = 0; i < 21 * 21; i++) {
+    const PetscReal xi[2] = {0.095 * (PetscReal)(i % 21 - 10), 0.095 * (PetscReal)(i / 21 - 10)};
+    PetscReal       x[2], back[2], J[4], at[2];
+
+    ElementMap(2, xc, xi, x, J);
+    assert_true(J[0] * J[3] - J[1] * J[2] > 0);
+    assert_true(ElementLocate(2, xc, x, at));
+    ElementMap(2, xc, at, back, J);
+    for (PetscInt a = 0; a < 2; a++) {
+      assert_near(back[a], x[a], 1e-9);
+      assert_near(at[a], xi[a], 1e-6);
+    }
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] =
@@ -376,7 +399,8 @@ int main(int argc, char **argv)
      cmocka_unit_test(test_fitted),     cmocka_unit_test(test_channel),
      cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),
      cmocka_unit_test(test_focus_3d),   cmocka_unit_test(test_dimension_follows_numbers),
-     cmocka_unit_test(test_round_file), cmocka_unit_test(test_errors)};
+     cmocka_unit_test(test_round_file), cmocka_unit_test(test_flat_corner),
+     cmocka_unit_test(test_errors)};
   int failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
