@@ -10,8 +10,8 @@
 #define NODES(dim)  ((dim) == 2 ? 9 : 27)
 #define PADDED(dim) ((dim) == 2 ? 12 : 28)
 
-/* Newton's method from the middle of a cell may end beyond a corner that is flat. Results so far off are taken for that,
-   and it begins again beside the nearest node, so far out; that counts if it ends within the cell. */
+/* Newton's method from the middle of a cell may end beyond a corner that is flat. Results so far off are taken for
+   that, and it begins again beside the nearest node, so far out; that counts if it ends within the cell. */
 #define ELSEWHERE 2
 #define BESIDE    0.8
 #define WITHIN    1e-6
