@@ -44,6 +44,8 @@ PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
 /* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow, pressure)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);
+/* Is boundary b of type outflow or pressure? */
+PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
 /* Is any boundary open? Local. */
 PetscBool ConditionsHaveOpening(Conditions);
 /* Is boundary b of type pressure? */

@@ -56,6 +56,7 @@ typedef struct {
   PetscReal        lost;        /* volume of drops that vanished so far */
   PetscInt         left;        /* that have left through openings so far, */
   PetscReal        left_volume; /* their volume */
+  PetscReal        taken;       /* energy of interfaces that events took so far; with drops that left, too */
   PetscReal        shift;       /* largest way along its normals that kept a volume in the last step, cells */
   PhaseInterface   interface;   /* at the end of the last step; nothing before the first */
   const PetscInt  *cell_drop;   /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
@@ -109,6 +110,11 @@ static inline PetscInt DropsFind(const DropsState *s, PetscInt number)
   for (PetscInt i = 0; i < s->n && number >= 0; i++)
     if (s->drop[i].number == number) return i;
   return -1;
+}
+/* Energy of the surface of a drop with these sums, less what its wetting of walls gives */
+static inline PetscReal DropSurfaceEnergy(const DropGroup *g, const PhaseSums *s)
+{
+  return g->tension * (s->length - (g->wets ? PetscCosReal(g->contact) * s->wet : 0));
 }
 /* StateVisit of Drops. */
 PetscErrorCode DropsVisitState(void *drops, State);

@@ -7,8 +7,10 @@
 #include "impl.h"
 #include "bodies/local.h"
 
-#define FILM 1.0 /* cells from a body to the middle of the first cell that a drop may have */
-#define SOME 256 /* middles at a time */
+#define FILM   1.0 /* cells from a body to the middle of the first cell that a drop may have */
+#define SOME   256 /* middles at a time */
+#define DEEP   0.5 /* cells that a body may reach into a drop at the start, as near ones do whose film is a cell */
+#define POINTS 100 /* of its surface, in space four times as many */
 
 /* Middles of own cells among the nodes of the list of the image at X of a body turned by q */
 static PetscErrorCode close_near(CoupleDrops *f, Couple c, PetscInt k, const PetscReal X[3], const PetscReal q[4],
@@ -31,6 +33,75 @@ static PetscErrorCode close_near(CoupleDrops *f, Couple c, PetscInt k, const Pet
     m = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Distances of x [n][dim] from drops at the start, and the group of the drop that is nearest to the deepest of them */
+static PetscErrorCode find_depth(const CoupleDrops *f, Couple c, PetscInt n, const PetscReal x[], PetscReal d[],
+                                 PetscInt *group)
+{
+  PetscReal inner = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  if (c->loc->dim == 3) PetscCall(DropsStartDistance(f->drops, n, x, d));
+  for (PetscInt i = 0; i < n; i++) {
+    PhasePoint       p;
+    const PetscReal *middle;
+
+    if (c->loc->dim == 2) {
+      DropsNearest(&f->interface, c->loc, x + 2 * i, PETSC_MAX_REAL / 4, &p);
+      d[i] = p.d;
+    }
+    if (d[i] >= inner) continue;
+    inner = d[i]; /* drops have the numbers of their groups still */
+    if (c->loc->dim == 2) (void)PhaseInterfacePiece(&f->interface, p.edge, group, &middle);
+    else PetscCall(DropsStartNearest(f->drops, x + 3 * i, group));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *group: of the drop that own body k overlaps in part, -1: none */
+static PetscErrorCode find_overlap(const CoupleDrops *f, Couple c, PetscInt k, PetscInt *group)
+{
+  PetscReal *x, *d, inner = PETSC_MAX_REAL, outer = -PETSC_MAX_REAL;
+  PetscInt   n, deepest = -1;
+
+  PetscFunctionBeginUser;
+  *group = -1;
+  PetscCall(find_depth(f, c, 1, c->s->x[k], &inner, &deepest));
+  if (inner > BodiesGetRadius(c->s, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesSurfacePoints(c->bodies, k, NULL, NULL, POINTS * (c->loc->dim == 2 ? 1 : 4), &n, &x, NULL));
+  PetscCall(PetscMalloc1(n, &d));
+  PetscCall(find_depth(f, c, n, x, d, &deepest));
+  inner = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < n; i++) {
+    inner = PetscMin(inner, d[i]);
+    outer = PetscMax(outer, d[i]);
+  }
+  if (inner < -DEEP * c->loc->h && outer > 0) *group = deepest;
+  PetscCall(PetscFree(d));
+  PetscCall(PetscFree(x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsCheckOverlap(const CoupleDrops *f, Couple c)
+{
+  PetscInt at = -1; /* group of bodies times that of drops, and its group */
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscInt group;
+
+    if (!c->s->own[k] || c->s->removed[k] || f->angle[c->s->body_group[k]] > 0) continue;
+    PetscCall(find_overlap(f, c, k, &group));
+    if (group >= 0) at = c->s->body_group[k] * f->s->ngroups + group;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
+  if (at < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
+          "A body of group '%s' overlaps the drop '%s' at the start, which does not wet it: move one of them (-particle_%s_position), or "
+          "give -particle_%s_contact_angle",
+          c->s->group[at / f->s->ngroups].name, f->s->group[at % f->s->ngroups].name,
+          f->s->group[at % f->s->ngroups].name, c->s->group[at / f->s->ngroups].name);
 }
 
 PetscErrorCode DropsCloseCells(CoupleDrops *f, Couple c)

@@ -16,7 +16,8 @@ typedef struct {
   PetscReal way;    /* largest way of the interface in the step, cells; likewise: */
   PetscReal narrow; /* least distance to a part of the interface that faces it, film or neck */
   PetscReal wall;   /* least distance to a side of the domain, */
-  PetscInt  side;   /* which is that one: 2 axis + (upper one) */
+  PetscInt  side;   /* which is that one: 2 axis + (upper one), */
+  PetscReal at[3];  /* and what is nearest to it */
   PetscReal bend;   /* least radius of curvature, by the ends of an edge */
 } Cause;
 
@@ -64,14 +65,21 @@ static void look_around(const MeshLocal *l, const PhaseInterface *f, PetscInt dr
       if (l->period[a] > 0 || gap >= w->wall) continue;
       w->wall = gap;
       w->side = side;
+      for (PetscInt b = 0; b < l->dim; b++) w->at[b] = middle[b];
     }
   }
 }
 
-/* What is worst; opening: the nearest side is, NULL: it is a wall */
-static void describe(const Cause *w, const char opening[], char text[], size_t len)
+/* What is worst; opening: the nearest side is, NULL: it is a wall; out: fluid goes out there */
+static void describe(const Cause *w, const char opening[], PetscBool out, char text[], size_t len)
 {
-  if (w->wall < 1.5 && opening)
+  if (w->wall < 1.5 && opening && !out)
+    (void)
+      snprintf(text, len,
+               "it is at the inflow '%s', through which none leaves: move it (-particle_<group>_position), or the inflow "
+               "(-mesh_lower, -mesh_upper), farther away",
+               opening);
+  else if (w->wall < 1.5 && opening)
     (void)
       snprintf(text, len,
                "it has come to the opening '%s' and is not one that could leave there (none can in space, or with -scalars): end the run before that (-sim_time), or move the opening "
@@ -118,12 +126,13 @@ static PetscErrorCode explain(const CoupleDrops *f, Couple c, const PhaseInterfa
 {
   Cause       w = {.x = {x[0], x[1], x[2]}, .h = c->loc->h, .narrow = 99, .wall = 99, .bend = 99};
   const char *opening;
+  PetscBool   out;
 
   PetscFunctionBeginUser;
   look_around(c->loc, interface, drop, &w);
   PetscCall(find_way(f, c, drop, &w));
-  PetscCall(DropsFindOpening(c, w.side, &opening));
-  describe(&w, opening, text, len);
+  PetscCall(DropsFindOpening(c, w.side, w.at, &opening, &out));
+  describe(&w, opening, out, text, len);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -186,5 +195,6 @@ PetscErrorCode DropsCheckStart(CoupleDrops *f, Couple c, PetscInt parts, const P
     d->target = volume[i];
   }
   s->merged = s->broken = 0;
+  s->taken              = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

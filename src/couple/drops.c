@@ -7,7 +7,8 @@
 #include "couple/participant.h"
 #include <strings.h>
 
-#define CLOSED (-2) /* in a checkpoint, for the number of its drop: a cell that is closed */
+#define ROUND  1e-12 /* of what the fluid around weighs: sums of what drops weigh more are off by less */
+#define CLOSED (-2)  /* in a checkpoint, for the number of its drop: a cell that is closed */
 
 /* ---- life cycle ---- */
 
@@ -133,7 +134,7 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     const Drop      *d = f->s->drop + k;
     const DropGroup *g = f->s->group + d->group;
 
-    w->energy += g->tension * (d->sums.length - (g->wets ? PetscCosReal(g->contact) * d->sums.wet : 0));
+    w->energy += DropSurfaceEnergy(g, &d->sums);
     for (PetscInt a = 0; a < c->loc->dim; a++)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
@@ -172,7 +173,7 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
 
     /* the pull across a cut through the middle, about: at two points, in space along a line */
     b->size += g->tension * (dim == 2 ? 2 : PetscSqrtReal(PETSC_PI * drop->sums.length)) +
-               PetscAbsReal(more * drop->sums.area) * PetscSqrtReal(gravity);
+               (PetscAbsReal(more) + ROUND * c->par->density) * PetscAbsReal(drop->sums.area) * PetscSqrtReal(gravity);
   }
   for (PetscInt a = 0; a < dim; a++) {
     b->walls[a] += sum[a];

@@ -67,6 +67,8 @@ typedef struct CoupleDrops {
 PetscErrorCode DropsAddLosses(CoupleDrops *, Couple, CoupleLosses *);
 /* dropbodies.c. Which cells are closed, by bodies where they are at the end of the step. Not collective. */
 PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
+/* Error: at the start a body that is not wetted overlaps a drop in part. Collective. */
+PetscErrorCode DropsCheckOverlap(const CoupleDrops *, Couple);
 /* dropmeet.c. Contact angles of bodies. Not collective. */
 PetscErrorCode DropsReadAngles(CoupleDrops *, Couple);
 /* The predicted interface ends on bodies that are wetted, as they are at the end of the step. Collective. */
@@ -159,8 +161,9 @@ PetscErrorCode DropsGatherSheet(CoupleDrops *, Couple, const PetscInt cell_drop[
 void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9]);
 /* The sheet of the checkpoint. Collective. */
 PetscErrorCode DropsVisitSheet(State, PhaseSheet *);
-/* dropleave.c. Name of the opening that the whole side 2 axis + (upper one) is, NULL: it is none. Collective. */
-PetscErrorCode DropsFindOpening(Couple, PetscInt side, const char **name);
+/* dropleave.c. Name of the opening that the whole side 2 axis + (upper one) is, NULL: it is none; *out: fluid goes out
+   there at x. Collective. */
+PetscErrorCode DropsFindOpening(Couple, PetscInt side, const PetscReal x[3], const char **name, PetscBool *out);
 /* Drops of the interface `now`, that of f->interface a step later, which have come to an opening leave it; told.
    Collective. */
 PetscErrorCode DropsLetLeave(CoupleDrops *, Couple, PhaseInterface *now);

@@ -175,8 +175,6 @@ PetscErrorCode FlowExtrapolateConvection(Flow);
 PetscErrorCode ConditionsCreate(Mesh, Conditions *);
 PetscErrorCode ConditionsDestroy(Conditions *);
 PetscErrorCode ConditionsView(Conditions, PetscViewer);
-/* Is boundary b of type outflow or pressure? */
-PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
 /* The pressure outside boundary b, of type pressure, over a step of length dt that ends at the time of the last
    ConditionsSetTime, theta at its end + (1 - theta) at its beginning, with factor and ramp: value [m] at points x
    [m][dim]. Collective. */

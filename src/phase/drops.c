@@ -409,6 +409,8 @@ PetscErrorCode DropsVisitState(void *drops, State state)
   if (StateIsLoading(state)) PetscCall(StateHas(state, "left", &has)); /* a checkpoint of before has none */
   if (has) PetscCall(StateInts(state, "left", 1, &s->left));
   if (has) PetscCall(StateReals(state, "left_volume", 1, &s->left_volume));
+  if (StateIsLoading(state)) PetscCall(StateHas(state, "taken", &has));
+  if (has) PetscCall(StateReals(state, "taken", 1, &s->taken));
   if (DropsMayStayApart(s)) PetscCall(DropsVisitPairs(s, state));
   PetscCall(PetscMalloc2(2 * s->n, &which, s->n, &value));
   for (PetscInt i = 0; i < s->n; i++) {

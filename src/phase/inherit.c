@@ -119,8 +119,27 @@ static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Events are counted, and what vanished */
-static PetscBool count_events(DropsState *s, const Descent *d)
+/* Energy of the interfaces of an event before it, less after it */
+static PetscReal energy_taken(const DropsState *s, const Descent *d, PetscInt event, const PhaseInterface *from,
+                              const PhaseInterface *now)
+{
+  const DropGroup *g   = s->group;
+  PetscReal        sum = 0;
+  PhaseSums        of;
+
+  for (PetscInt i = 0; i < d->nold + d->nparts; i++) {
+    if (root_of(d, i) != event) continue;
+    if (i < d->nold) g = s->group + s->drop[i].group;
+    if (i >= d->nold) PhaseInterfaceMeasure(now, i - d->nold, &of);
+    else if (s->drop[i].leaves) of = s->drop[i].sums;
+    else PhaseInterfaceMeasure(from, s->drop[i].number, &of);
+    sum += (i < d->nold ? 1 : -1) * DropSurfaceEnergy(g, &of);
+  }
+  return sum;
+}
+
+/* Events are counted, what vanished, and what they take */
+static PetscBool count_events(DropsState *s, const PhaseInterface *from, const PhaseInterface *now, const Descent *d)
 {
   PetscBool changed = PETSC_FALSE;
 
@@ -132,6 +151,7 @@ static PetscBool count_events(DropsState *s, const Descent *d)
       if (root_of(d, j) == i) *(j < d->nold ? &olds : &parts) += 1;
     if (olds == 1 && parts == 1) continue;
     changed = PETSC_TRUE;
+    s->taken += energy_taken(s, d, i, from, now);
     if (!parts && s->drop[i].leaves) {
       s->left++;
       s->left_volume += s->drop[i].target;
@@ -139,8 +159,8 @@ static PetscBool count_events(DropsState *s, const Descent *d)
       s->lost += s->drop[i].target;
       s->vanished = s->drop[i].group;
     } else {
-      s->merged += PetscMax(0, olds - parts);
-      s->broken += PetscMax(0, parts - PetscMax(1, olds));
+      s->merged += PetscMax(0, olds - 1);
+      s->broken += parts - 1;
     }
   }
   return changed;
@@ -167,7 +187,7 @@ PetscErrorCode DropsInherit(Drops b, const PhaseInterface *from, const PhaseInte
   PetscCall(count_votes(b, from, now, &d));
   unite(s, &d);
   sort_by_volume(volume, &d);
-  *changed = count_events(s, &d);
+  *changed = count_events(s, from, now, &d);
   for (PetscInt i = 0; i < parts; i++) {
     const PetscInt part = d.order[i], old = choose_old(&d, part, taken);
 

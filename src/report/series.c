@@ -101,6 +101,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"energy_boundary", "energy", 12,
    "dissipated by the boundary method: slip at bodies with penalty, compressible cells between two surfaces"},
   {"energy_scheme", "energy", 12, "dissipated by the time scheme, and carried out by the flow"},
+  {"energy_events", "energy", 12,
+   "with drops: of the surface of those that merged, broke up, vanished or left, in the steps of these events"},
   {"solid_x_<group>", "length", 12, "of an elastic group: centroid of its solid; of several the mean"},
   {"solid_y_<group>", "length", 12, ""},
   {"solid_z_<group>", "length", 12, "in space"},

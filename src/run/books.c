@@ -13,20 +13,23 @@ enum {
   DISSIPATED,
   BOUNDARY,
   SCHEME,
+  EVENTS, /* of drops */
   NENTRIES
 };
 
-static const char *const COLUMNS[NENTRIES] = {"energy", "energy_supplied", "energy_dissipated", "energy_boundary",
-                                              "energy_scheme"};
+static const char *const COLUMNS[NENTRIES] = {"energy",          "energy_supplied", "energy_dissipated",
+                                              "energy_boundary", "energy_scheme",   "energy_events"};
 
 struct _p_Books {
-  Flow      flow;
-  Couple    couple;
-  Contact   contact;
-  Monitor   monitor;
-  PetscInt  column, started;
-  PetscReal entry[NENTRIES], work; /* work: of contact before the step */
-  PetscReal begin;                 /* energy at the end of the first step, less the work of contact until then */
+  Flow        flow;
+  Couple      couple;
+  Contact     contact;
+  Monitor     monitor;
+  DropsState *drops; /* NULL: there are none, and no column of their events */
+  PetscInt    column, started;
+  PetscReal   entry[NENTRIES], work; /* work: of contact before the step */
+  PetscReal   taken;                 /* by events of drops before the step */
+  PetscReal   begin;                 /* energy at the end of the first step, less the work of contact until then */
 };
 
 /* Law spring moves the bodies of this flow? */
@@ -66,7 +69,8 @@ PetscErrorCode BooksCreate(const SimComponents *sim, Books *books)
   b->couple  = sim->couple;
   b->contact = sim->contact;
   b->monitor = sim->monitor;
-  for (PetscInt i = 0; i < NENTRIES; i++) {
+  if (sim->drops) PetscCall(DropsGetState(sim->drops, &b->drops));
+  for (PetscInt i = 0; i < (b->drops ? NENTRIES : EVENTS); i++) {
     PetscInt column;
 
     PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &column));
@@ -85,20 +89,23 @@ PetscErrorCode BooksDestroy(Books *books)
 
 PetscErrorCode BooksStep(Books b, const FlowDiagnostics *d, const CouplePower *p, PetscReal dt)
 {
-  PetscReal    before;
+  PetscReal    before, taken;
   CoupleLosses w;
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactGetEnergy(b->contact, NULL, &b->work));
   PetscCall(CoupleGetLosses(b->couple, &w));
-  before           = b->entry[ENERGY];
+  before = b->entry[ENERGY];
+  taken  = b->drops ? b->drops->taken - b->taken : 0;
+  b->taken += taken;
   b->entry[ENERGY] = d->kinetic_energy + p->energy;
   if (!b->started) PetscFunctionReturn(PETSC_SUCCESS);
   b->entry[SUPPLIED] += dt * (p->power - w.counted);
   b->entry[DISSIPATED] += dt * w.viscous;
   b->entry[BOUNDARY] += dt * w.boundary;
-  b->entry[SCHEME] += dt * (w.inertia - w.contact + p->inflow) - (b->entry[ENERGY] - before);
+  b->entry[SCHEME] += dt * (w.inertia - w.contact + p->inflow) - (b->entry[ENERGY] - before) - taken;
+  b->entry[EVENTS] += taken;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -120,7 +127,8 @@ PetscErrorCode BooksClose(Books b)
 PetscErrorCode BooksReport(Books b)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; b && i < NENTRIES; i++) PetscCall(MonitorSetColumn(b->monitor, b->column + i, b->entry[i]));
+  for (PetscInt i = 0; b && i < (b->drops ? NENTRIES : EVENTS); i++)
+    PetscCall(MonitorSetColumn(b->monitor, b->column + i, b->entry[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -130,9 +138,10 @@ PetscErrorCode BooksFinish(Books b)
 
   PetscFunctionBeginUser;
   if (!b || !b->started) PetscFunctionReturn(PETSC_SUCCESS);
-  lost = PetscAbsReal(b->work) + b->entry[DISSIPATED] + b->entry[BOUNDARY] + PetscAbsReal(b->entry[SCHEME]);
+  lost = PetscAbsReal(b->work) + b->entry[DISSIPATED] + b->entry[BOUNDARY] + PetscAbsReal(b->entry[SCHEME]) +
+         PetscAbsReal(b->entry[EVENTS]);
   open = b->entry[ENERGY] - b->begin - b->entry[SUPPLIED] - b->work + b->entry[DISSIPATED] + b->entry[BOUNDARY] +
-         b->entry[SCHEME];
+         b->entry[SCHEME] + b->entry[EVENTS];
   if (lost <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(b->monitor, "energy_error", PetscAbsReal(open) / lost));
   if (b->work == 0 || b->entry[BOUNDARY] < REMARKABLE * lost) PetscFunctionReturn(PETSC_SUCCESS);
@@ -148,12 +157,17 @@ PetscErrorCode BooksVisitState(void *books, State state)
 {
   Books     b = books;
   PetscBool has;
+  PetscReal events[2] = {b->entry[EVENTS], b->taken};
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "started", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(StateInts(state, "started", 1, &b->started));
-  PetscCall(StateReals(state, "entries", NENTRIES, b->entry));
+  PetscCall(StateReals(state, "entries", EVENTS, b->entry));
+  if (StateIsLoading(state)) PetscCall(StateHas(state, "events", &has));
+  if (has) PetscCall(StateReals(state, "events", 2, events));
+  b->entry[EVENTS] = events[0];
+  b->taken         = events[1];
   PetscCall(StateReals(state, "begin", 1, &b->begin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

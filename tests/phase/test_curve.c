@@ -229,6 +229,36 @@ static void test_descent(void **state)
   (void)DropsDestroy(&drops);
 }
 
+/* Two drops of which in one step one breaks, and a piece of it merges with the other: an event of both kinds, whose
+   volume is kept and of which the surface is told */
+static void test_exchange(void **state)
+{
+  const PetscReal of[2][5]  = {{-0.5, 0, 0.4, 0.4, 1}, {2.1, 0, 1.9, 0.9, 1}};
+  const PetscInt  part[2]   = {0, 1};
+  const PetscReal volume[2] = {PETSC_PI * 0.16, PETSC_PI * 1.71};
+  const PhaseBox  box       = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
+  PetscInt        number[2];
+  PetscBool       changed;
+  PhaseInterface  from = {.sheet = {0}}, now = {.curve = ellipses(2, of, part)};
+  PhaseSums       sums[2];
+  Drops           drops;
+  DropsState     *s;
+
+  (void)state;
+  (void)PetscOptionsInsertString(NULL, OPTIONS);
+  assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
+  assert_true(!DropsGetState(drops, &s));
+  assert_true(!DropsStart(drops, &box, &from.curve));
+  assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
+  assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 1 && s->lost == 0);
+  NEAR(s->drop[0].target + s->drop[1].target, 2 * PETSC_PI, 1e-6);
+  for (PetscInt i = 0; i < 2; i++) PhaseInterfaceMeasure(&now, i, &sums[i]);
+  NEAR(s->taken, 4 * PETSC_PI - sums[0].length - sums[1].length, 1e-6);
+  (void)PhaseInterfaceDestroy(&from);
+  (void)PhaseInterfaceDestroy(&now);
+  (void)DropsDestroy(&drops);
+}
+
 /* A disc of radius .4 at (1, .1) with the contact angle *ctx */
 static PetscErrorCode disc(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[])
 {
@@ -292,7 +322,8 @@ int main(int argc, char **argv)
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),    cmocka_unit_test(test_closest),
                                      cmocka_unit_test(test_folded),  cmocka_unit_test(test_shift),
                                      cmocka_unit_test(test_gather),  cmocka_unit_test(test_contour),
-                                     cmocka_unit_test(test_descent), cmocka_unit_test(test_meet)};
+                                     cmocka_unit_test(test_descent), cmocka_unit_test(test_exchange),
+                                     cmocka_unit_test(test_meet)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -290,6 +290,27 @@ def test_opening(run, scene, form):
     assert read_rows(result.folder / "part" / "drops.csv") == rows[0]
 
 
+ONTO = """
+mesh: {cells: [12, 12]}
+flow: {solver: direct, density: 1, viscosity: 0.05, gravity: "0,-20", bc_bottom: {type: inflow}, bc_top: {type: outflow}, bc_left: {type: slip}, bc_right: {type: slip}}
+particle:
+  groups: drop
+  drop: {shape: circle, radius: 0.18, position: [0.5, 0.3], material: fluid, density: 2, surface_tension: 1}
+sim: {dt: 0.03, steps: 8}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("speed, left", [(0.1, 0), (-0.1, 1)])
+def test_prescribed_opening(run, scene, speed, left):
+    """A drop that falls onto a prescribed velocity leaves only where that goes out; at an inflow it stays."""
+    result = run([scene(ONTO), "-output_dir", "out", "-flow_bc_bottom_velocity", f"0,{speed}", "-monitor_energy", "true"])
+    assert result.status == 0, str(result)
+    last = read_rows(result.folder / "out" / "series.csv")[-1]
+    assert last["drops_left"] == left and last["drops"] == 1 - left and last["drop_volume_error"] < 1e-9
+    assert (last["energy_events"] > 1) == bool(left)
+
+
 FLOATS = [RUNS / "disc-at-interface.yaml", "-mesh_cells", "24,18", "-sim_dt", "0.1", "-output_every", "0"]
 
 
@@ -364,12 +385,20 @@ def test_apart_ranks_and_restart(drops):
     assert drops(*options, "-sim_steps", "6", "-sim_restart", "latest", folder="part")[0] == whole
 
 
+def find_energy_left(series):
+    """Largest error of the energy books of a step, over what viscosity takes in it"""
+    sums = [row["energy"] - row["energy_supplied"] + sum(row[f"energy_{name}"] for name in ("dissipated", "boundary", "scheme", "events")) for row in series]
+    viscous = [row["energy_dissipated"] for row in series]
+    return max(abs(sums[i] - sums[i - 1]) / (viscous[i] - viscous[i - 1]) for i in range(1, len(series)))
+
+
 def test_thread(drops):
-    """A thread breaks: two drops of half the volume each, at once and in all steps around."""
-    rows, series = drops("thread-breaks", "-mesh_cells", "48,16", "-sim_dt", "0.025", "-sim_time", "0.8", "-output_every", "0")
+    """A thread breaks: two drops of half the volume each, at once and in all steps around; the books of energy close in each, with what the event took."""
+    rows, series = drops("thread-breaks", "-mesh_cells", "48,16", "-sim_dt", "0.025", "-sim_time", "0.8", "-output_every", "0", "-monitor_energy", "true")
     broken = [row for row in series if row["drops_broken"]]
     assert broken and broken[0]["drops"] == 2 and broken[0]["drop_volume_error"] < 1e-4 and broken[1]["drop_volume_error"] < 1e-4
     assert rows[-1]["volume"] == pytest.approx(rows[-2]["volume"], rel=1e-3) and series[0]["drop_volume_error"] < 1e-4
+    assert find_energy_left(series) < 1e-8 and {row["energy_events"] > 0.1 for row in broken} == {True} and series[0]["energy_events"] == 0
 
 
 @pytest.mark.parametrize(
@@ -399,6 +428,9 @@ def test_energy(drops, scene, options):
     assert change == pytest.approx(left, abs=1e-3 * last["energy_dissipated"])
 
 
+DISC = ["-particle_groups", "bubble,disc", "-particle_disc_shape", "circle", "-particle_disc_radius", "0.1", "-particle_disc_density", "2", "-particle_disc_position", "0.7,0.6", "-couple_method", "penalty"]
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
@@ -407,6 +439,7 @@ def test_energy(drops, scene, options):
         (["-sim_adapt", "true"], "cannot be taken again"),
         (["-particle_bubble_place", "random"], "one a group"),
         (["-particle_bubble_radius", "0.02"], "no cell for the fluid 'bubble'"),
+        (DISC, "'disc' overlaps the drop 'bubble'"),
         (["-particle_bubble_free", "none"], "-particle_bubble_free"),
         (["-particle_bubble_region", "x-0.5"], "remove one of them"),
         (["-particle_bubble_contact_angle", "5 deg"], "-particle_bubble_contact_angle"),
