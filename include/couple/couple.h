@@ -211,6 +211,8 @@ PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], Pet
 PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
 /* Error of the volume of elastic solid k that was put right at the end of the last step. Local. */
 PetscReal CoupleGetVolumeKept(Couple, PetscInt k);
+/* Steps of this run in which -couple_method aligned left some elastic solid immersed; -1: another method. Local. */
+PetscInt CoupleCountImmersed(Couple);
 /* Has any body slip (bodies/slip.h)? Local. */
 PetscBool CoupleHasSlip(Couple);
 /* After CoupleForce: *speed, mean of the velocities of bodies with slip along their directions of swimming, *power, sum

@@ -5,9 +5,10 @@
      st_venant_kirchhoff   mu E : E + lambda/2 (tr E)^2
    mu is the shear modulus, lambda = 2 mu nu/(1 - 2 nu) Lame's first one; in the plane strain is plane. Poisson's number
    1/2 is an incompressible solid: lambda is 0 here, and what holds the volume is the pressure of others; `bulk` adds
-   bulk/2 (J - 1)^2 for what that does not see (Vadala-Roth, Acharya, Patankar, Rossi & Griffith 2020). Where others
-   carry the isotropic part of a compressible solid, p = -kappa (J - 1), `kappa` is taken off: P - kappa (J - 1) J F^-T.
-   Stresses in the unit of mu.
+   bulk/4 (J^2 - 1 - 2 ln J) for what that does not see (Vadala-Roth, Acharya, Patankar, Rossi & Griffith 2020), bulk/2
+   (J - 1)^2 near 1 and without a bound at 0, so that points are not pressed flat. Where others carry the isotropic part
+   of a compressible solid, p = -kappa (J - 1), `kappa` is taken off: P - kappa (J - 1) J F^-T. Stresses in the unit of
+   mu.
 
    Of membranes F [dim][dim - 1] is the gradient along the surface, C = F^T F, I1 = tr C - 2, I2 = det C - 1 (in the
    plane the surface is not stretched across: I1 = I2 = C - 1), and the energy per reference area
@@ -38,7 +39,7 @@ typedef struct {
 
 /* First Piola stress P [dim][dim] (P_iA by space i, reference A) at F [dim][dim], and its derivative by F, C
    [dim][dim][dim][dim] (C_iAjB; NULL: not wanted); of membranes with dim - 1 reference directions. Returns J, which has
-   to be positive for neo_hookean, of membranes that of the area. */
+   to be positive for neo_hookean and with bulk, of membranes that of the area. */
 PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *, const PetscReal F[], PetscReal P[], PetscReal C[]);
 /* Energy per reference volume, of the whole law: with what kappa has taken off. */
 PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *, const PetscReal F[]);

@@ -561,6 +561,11 @@ PetscReal CoupleGetVolumeKept(Couple c, PetscInt k)
   return c->elastic ? c->elastic->kept[k] : 0;
 }
 
+PetscInt CoupleCountImmersed(Couple c)
+{
+  return c->elastic && c->elastic->aligned ? c->elastic->immersed_steps : -1;
+}
+
 PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
 {
   const Elastic   *e = c->elastic;

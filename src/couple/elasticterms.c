@@ -280,25 +280,27 @@ static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What a step returns of the error of incompressible volumes: all, but no faster than the steps that were asked for.
-   Shorter ones, taken since something moves too far, would move it the faster the shorter they are. */
-static PetscReal find_returned(Couple c)
+/* What a step leaves of the error of incompressible volumes: nothing, but it goes no faster than with the steps that
+   were asked for. Shorter ones, taken since something moves too far, would move it the faster the shorter they are. */
+static PetscReal find_left(Couple c)
 {
-  return c->step->dt < c->dt_asked ? c->step->dt / c->dt_asked : 1;
+  return c->step->dt < c->dt_asked ? 1 - c->step->dt / c->dt_asked : 0;
 }
 
-/* At one quadrature point: J and (returned (J - 1)/J + div (a - x))/bdt, the rate at which the volume is to shrink */
+/* At one quadrature point: J and ((J - 1 - left (J_n - 1))/J + div (a - x))/bdt, the rate at which the volume is to
+   shrink: of the error that is there, at the positions `now`, that part is left, of what the prediction adds nothing */
 static PetscReal shrinking(const SolidMesh *m, PetscInt cell, PetscInt q, const PetscReal x[], const PetscReal a[],
-                           PetscReal bdt, PetscReal returned, PetscReal *J)
+                           const PetscReal now[], PetscReal bdt, PetscReal left, PetscReal *J)
 {
-  PetscReal F[9], G[9], inv[9], div = 0;
+  PetscReal       F[9], G[9], inv[9], div = 0;
+  const PetscReal error = left > 0 ? left * (SolidGradient(m, cell, q, now, F) - 1) : 0;
 
   *J = SolidGradient(m, cell, q, x, F);
   (void)DenseInvertMap(m->dim, F, inv);
   (void)SolidGradient(m, cell, q, a, G);
   for (PetscInt i = 0; i < m->dim; i++)
     for (PetscInt A = 0; A < m->dim; A++) div += (G[i * m->dim + A] - F[i * m->dim + A]) * inv[A * m->dim + i];
-  return (returned * (*J - 1) / *J + div) / bdt;
+  return ((*J - 1 - error) / *J + div) / bdt;
 }
 
 static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g, PetscInt point, PetscReal w,
@@ -385,9 +387,9 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
 
 static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
 {
-  const SolidsState *s        = e->s;
-  const PetscReal    returned = find_returned(c);
-  PetscInt           point    = 0, *entry;
+  const SolidsState *s     = e->s;
+  const PetscReal    left  = find_left(c);
+  PetscInt           point = 0, *entry;
 
   PetscFunctionBeginUser;
   e->volumes.n = 0;
@@ -402,15 +404,16 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
     const PetscBool at_rest = is_at_rest(e, k);
 
     for (PetscInt cell = 0; cell < m->ncell && !g->membrane; cell++) {
-      PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N];
+      PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N], now[SOLID_MAX_N];
 
       SolidGather(m, cell, e->x + m->dim * s->first[k], x);
       SolidGather(m, cell, e->a + m->dim * s->first[k], a);
+      SolidGather(m, cell, s->x + m->dim * s->first[k], now);
       for (PetscInt q = 0; q < m->nq; q++, point++) {
         PetscReal J, rate;
 
         if (e->point.cell[point] < 0) continue;
-        rate = shrinking(m, cell, q, x, a, 1 / c->step->ct, g->compressible ? 1 : returned, &J);
+        rate = shrinking(m, cell, q, x, a, now, 1 / c->step->ct, g->compressible ? 0 : left, &J);
         if (at_rest) rate = 0;
         PetscCall(add_volume_point(e, c, g, point, m->weight[cell * m->nq + q] * J, rate, J, entry));
       }

@@ -159,7 +159,7 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
 
 PetscErrorCode SolidReportStep(SolidReport r)
 {
-  PetscInt nwatch = 0;
+  PetscInt nwatch = 0, immersed = -1;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
@@ -176,6 +176,8 @@ PetscErrorCode SolidReportStep(SolidReport r)
   }
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_error_max", r->worst));
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_kept_max", r->kept));
+  if (r->couple) immersed = CoupleCountImmersed(r->couple);
+  if (immersed >= 0) PetscCall(MonitorQuantity(r->monitor, "solid_immersed_steps", (PetscReal)immersed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -49,18 +49,17 @@ static void add_st_venant_kirchhoff(PetscInt n, const SolidMaterial *m, const Pe
   }
 }
 
-/* P = k (J - 1) J F^-T */
-static void add_isotropic(PetscInt n, PetscReal k, PetscReal J, const PetscReal inv[], PetscReal P[], PetscReal C[])
+/* P = p F^-T; slope: J dp/dJ */
+static void add_isotropic(PetscInt n, PetscReal p, PetscReal slope, const PetscReal inv[], PetscReal P[], PetscReal C[])
 {
   for (PetscInt e = 0; e < n * n; e++) {
     const PetscInt i = e / n, a = e % n;
 
-    P[e] += k * (J - 1) * J * inv[a * n + i];
+    P[e] += p * inv[a * n + i];
     for (PetscInt f = 0; f < n * n && C; f++) {
       const PetscInt j = f / n, b = f % n;
 
-      C[e * n * n + f] += k * J *
-                          ((2 * J - 1) * inv[a * n + i] * inv[b * n + j] - (J - 1) * inv[a * n + j] * inv[b * n + i]);
+      C[e * n * n + f] += slope * inv[a * n + i] * inv[b * n + j] - p * inv[a * n + j] * inv[b * n + i];
     }
   }
 }
@@ -68,7 +67,7 @@ static void add_isotropic(PetscInt n, PetscReal k, PetscReal J, const PetscReal 
 PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F[], PetscReal P[], PetscReal C[])
 {
   const PetscInt n = dim * dim;
-  PetscReal      inv[9], J, k = m->bulk - m->kappa;
+  PetscReal      inv[9], J, k = -m->kappa;
 
   if (m->law >= SOLID_MEMBRANE_NEO_HOOKEAN) return MembraneLawStress(dim, m, F, P, C);
   J = DenseInvertMap(dim, F, inv);
@@ -79,19 +78,21 @@ PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *m, const PetscReal F
     add_neo_hookean(dim, m->mu, F, inv, P, C);
     k += m->lambda;
   }
-  if (k != 0) add_isotropic(dim, k, J, inv, P, C);
+  if (k != 0 || m->bulk != 0)
+    add_isotropic(dim, k * (J - 1) * J + 0.5 * m->bulk * (J * J - 1), k * (2 * J - 1) * J + m->bulk * J * J, inv, P, C);
   return J;
 }
 
 PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F[])
 {
-  PetscReal norm = 0, trace = 0, J;
+  PetscReal norm = 0, trace = 0, J, held;
 
   if (m->law >= SOLID_MEMBRANE_NEO_HOOKEAN) return MembraneLawEnergy(dim, m, F);
-  J = DenseDeterminant(dim, F);
+  J    = DenseDeterminant(dim, F);
+  held = m->bulk > 0 ? 0.25 * m->bulk * (J * J - 1 - 2 * PetscLogReal(J)) : 0;
   if (m->law == SOLID_NEO_HOOKEAN) {
     for (PetscInt e = 0; e < dim * dim; e++) norm += F[e] * F[e];
-    return 0.5 * m->mu * (norm - (PetscReal)dim - 2 * PetscLogReal(J)) + 0.5 * (m->lambda + m->bulk) * PetscSqr(J - 1);
+    return 0.5 * m->mu * (norm - (PetscReal)dim - 2 * PetscLogReal(J)) + 0.5 * m->lambda * PetscSqr(J - 1) + held;
   }
   for (PetscInt e = 0; e < dim * dim; e++) {
     PetscReal E = -0.5 * (e % (dim + 1) == 0);
@@ -100,5 +101,5 @@ PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *m, const PetscReal F
     norm += E * E;
     if (e % (dim + 1) == 0) trace += E;
   }
-  return m->mu * norm + 0.5 * m->lambda * PetscSqr(trace) + 0.5 * m->bulk * PetscSqr(J - 1);
+  return m->mu * norm + 0.5 * m->lambda * PetscSqr(trace) + held;
 }
