@@ -56,3 +56,9 @@ typedef struct {
   PetscErrorCode (*sum)(void *ctx, PetscInt width, PetscReal v[]);
   PetscErrorCode (*max)(void *ctx, PetscInt width, PetscReal v[]);
 } AlignSurfaces;
+
+/* Do the cells inside surface k leave the fluid? */
+static inline PetscBool AlignLeavesFluid(const AlignSurfaces *s, PetscInt k)
+{
+  return (PetscBool)(!s->inactive_inside || s->inactive_inside[k]);
+}

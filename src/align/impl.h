@@ -238,7 +238,7 @@ static inline PetscBool AlignIsClosed(Align s, PetscInt c)
 /* Do the cells inside surface k leave the fluid? */
 static inline PetscBool AlignIsInactive(Align s, PetscInt k)
 {
-  return (PetscBool)(!s->surfaces->inactive_inside || s->surfaces->inactive_inside[k]);
+  return AlignLeavesFluid(s->surfaces, k);
 }
 
 /* Has the shape of cell c to be sound? Not if it is inside a surface whose inside is inactive, or held */

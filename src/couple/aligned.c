@@ -1,49 +1,153 @@
 /* AlignDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
-#include "alignkept.h"
-#include "couple/bodysurfaces.h"
-#include "base/algebra.h"
-#include "base/domain.h"
+#include "align/join.h"
 #include "base/array.h"
-#include "bodies/local.h"
 
-/* Of a mesh that is no more */
-struct _n_AlignDriverKept {
-  AlignKept  mesh;
-  PetscInt   done;
-  PetscBool *aligned;                /* [n] */
-  PetscInt  *waits;                  /* [n] */
-  PetscReal (*X)[3], (*q)[4], *size; /* [n] */
-};
+#define OWNERS 2 /* at most */
 
 struct _p_AlignDriver {
   Flow             flow;
   MeshUpdate       mesh_update;
-  BodyState       *state;
+  MPI_Comm         comm;
   Mesh             mesh;
   const MeshLocal *loc;
-  BodySurfaces     surfaces;
+  PetscInt         nowner;
+  AlignOwner      *owner[OWNERS];
+  AlignJoin        join; /* NULL until the first fit, as align */
   Align            align;
   Remap            remap;
-  Bodies           bodies;
-  PetscBool       *wanted, *aligned, *before; /* [n] of the state */
-  PetscInt        *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
-  PetscReal (*X)[3], (*q)[4], *size;          /* [n] where and how large they were in the last fit */
-  PetscReal (*displacement)[3],
-    (*rotation)[9]; /* [n] from there to where they are now, and from points now to points then */
-  PetscInt    done; /* has there been one? */
-  AlignResult result;
-  RemapCount  count;
+  PetscInt         n, capacity; /* all owners' surfaces */
+  PetscBool       *wanted, *still, *before, *aligned;
+  PetscInt        *waits;
+  PetscInt         done;             /* has there been a fit? */
+  PetscInt         arrived;          /* owners whose state has been loaded */
+  AlignResult      result;           /* as it is, */
+  AlignResult      fluid;            /* and with what bounds the fluid alone */
+  PetscInt        *masked[3], nmask; /* [ncell_all] cells of some owners' surfaces */
+  RemapCount       count;
   /* own fluid nodes that need u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
   AlignTargets targets;
   /* those on surfaces, of viscoelastic fluids: where their point of the surface was, and what it keeps */
-  PetscInt         npoint, point_capacity, *point;
-  PetscReal       *from, *kept;
-  AlignDriverKept *kept_mesh; /* the mesh before, until the next update; NULL: it is this one */
-  AlignCarry       carry;     /* of AlignDriverSetCarry; NULL: none */
-  void            *carry_ctx;
+  PetscInt   npoint, point_capacity, *point;
+  PetscReal *from, *kept;
+  AlignKept *kept_mesh; /* the mesh before, until the next update; NULL: it is this one */
 };
+
+/* ---- owners ---- */
+
+/* Whose surface k is, which becomes the number that he has for it */
+static const AlignOwner *owner_of(AlignDriver f, PetscInt *k)
+{
+  const PetscInt *first = AlignJoinGetFirst(f->join);
+  PetscInt        i     = 0;
+
+  while (*k >= first[i + 1]) i++;
+  *k -= first[i];
+  return f->owner[i];
+}
+
+/* The surfaces that there are now, and how they were in the last fit */
+static PetscErrorCode gather(AlignDriver f)
+{
+  const PetscInt *first;
+
+  PetscFunctionBeginUser;
+  PetscCall(AlignJoinUpdate(f->join));
+  first = AlignJoinGetFirst(f->join);
+  f->n  = first[f->nowner];
+  /* waits tell of a patience on ranks that know no surface, too */
+  PetscCall(ArrayReserve(f->n + 1, &f->capacity, &f->wanted, sizeof(*f->wanted), &f->still, sizeof(*f->still),
+                         &f->before, sizeof(*f->before), &f->aligned, sizeof(*f->aligned), &f->waits, sizeof(*f->waits),
+                         NULL));
+  for (PetscInt i = 0; i < f->nowner; i++) {
+    const AlignOwner *o = f->owner[i];
+    const PetscInt    n = first[i + 1] - first[i];
+
+    PetscCall(PetscArraycpy(f->before + first[i], o->aligned, n));
+    PetscCall(PetscArraycpy(f->waits + first[i], o->waits, n));
+    for (PetscInt k = first[i]; k < first[i + 1]; k++) {
+      f->wanted[k] = PETSC_TRUE;
+      f->still[k]  = PETSC_FALSE;
+    }
+    if (o->ask) PetscCall((*o->ask)(o->ctx, f->wanted + first[i], f->still + first[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One boundary method a surface for as long as the mesh cannot follow it: what it changes makes the forces jump. One
+   that stands still waits for nothing, since nothing will change. */
+static void count_down(AlignDriver f)
+{
+  for (PetscInt k = 0; k < f->n; k++) {
+    if (f->result.could[k]) f->waits[k] = f->still[k] ? 0 : f->waits[k] - 1;
+    else f->waits[k] = f->aligned[k] || !f->wanted[k] ? 0 : ALIGN_PATIENCE;
+  }
+}
+
+/* What came out, to the owners */
+static PetscErrorCode scatter(AlignDriver f)
+{
+  const PetscInt *first = AlignJoinGetFirst(f->join);
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->nowner; i++) {
+    PetscCall(PetscArraycpy(f->owner[i]->aligned, f->aligned + first[i], first[i + 1] - first[i]));
+    PetscCall(PetscArraycpy(f->owner[i]->waits, f->waits + first[i], first[i + 1] - first[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* cell [ncell_all] with the surfaces alone that have this at most inside */
+static PetscErrorCode mask_cells(AlignDriver f, AlignInside most, const PetscInt cell[], const PetscInt *masked[])
+{
+  PetscBool all = PETSC_TRUE;
+  PetscInt *own;
+
+  PetscFunctionBeginUser;
+  *masked = cell;
+  for (PetscInt i = 0; i < f->nowner; i++) all = (PetscBool)(all && f->owner[i]->inside <= most);
+  if (all) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->masked[f->nmask]) PetscCall(PetscMalloc1(f->loc->ncell_all, &f->masked[f->nmask]));
+  own = f->masked[f->nmask++];
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    PetscInt k = cell[c];
+
+    own[c] = k >= 0 && owner_of(f, &k)->inside <= most ? cell[c] : -1;
+  }
+  *masked = own;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_align(AlignDriver f)
+{
+  const AlignSurfaces *table[OWNERS];
+  PetscReal           *psi;
+
+  PetscFunctionBeginUser;
+  if (f->align) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < f->nowner; i++) table[i] = f->owner[i]->table;
+  PetscCall(AlignJoinCreate(f->comm, f->nowner, table, &f->join));
+  PetscCall(AlignJoinUpdate(f->join));
+  PetscCall(AlignCreate(f->mesh, AlignJoinGet(f->join), &f->align));
+  PetscCall(FlowGetLogConformation(f->flow, &psi, NULL));
+  PetscCall(AlignTargetsCreate(f->loc, AlignJoinGet(f->join), psi ? 4 : 2, &f->targets));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh lined up with the surfaces that are wanted, of those before (NULL: all) */
+static PetscErrorCode fit(AlignDriver f, const PetscBool before[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(AlignFit(f->align, f->wanted, before, f->aligned, &f->result));
+  f->nmask = 0;
+  f->fluid = f->result;
+  PetscCall(mask_cells(f, ALIGN_MATERIAL, f->result.cell_surface, &f->fluid.cell_surface));
+  PetscCall(mask_cells(f, ALIGN_MATERIAL, f->result.cell_before, &f->fluid.cell_before));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what is carried over ---- */
 
 /* Of the two values of a node on a path, which come one after the other, the mean */
 static void join_pairs(AlignTargets *to)
@@ -70,17 +174,16 @@ static PetscErrorCode find_points(AlignDriver f)
 
   PetscFunctionBeginUser;
   f->npoint = 0;
-  for (PetscInt t = 0; t < f->targets.n && f->targets.nfield > 2 && f->done; t++) {
-    const PetscInt i = f->targets.node[t], k = r->node_surface[i];
-    PetscReal      arm[3] = {0, 0, 0};
+  for (PetscInt t = 0; t < f->targets.n && f->targets.nfield > 2; t++) {
+    const PetscInt    i = f->targets.node[t];
+    PetscInt          k = r->node_surface[i];
+    const AlignOwner *o;
 
     if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
     PetscCall(ArrayReserve(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from,
                            dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
-    for (PetscInt a = 0; a < dim; a++)
-      arm[a] = DomainNearest(f->loc->period[a], f->targets.x[dim * t + a], f->X[k][a]) - f->X[k][a];
-    for (PetscInt a = 0; a < dim; a++)
-      f->from[dim * f->npoint + a] = f->X[k][a] - f->displacement[k][a] + dot3(f->rotation[k] + 3 * a, arm);
+    o = owner_of(f, &k);
+    (*o->came_from)(o->ctx, k, f->targets.x + dim * t, f->from + dim * f->npoint);
     f->point[f->npoint++] = i;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -89,23 +192,22 @@ static PetscErrorCode find_points(AlignDriver f)
 /* What these points keep: psi [2][nnode_all][dim] less its shift, if the step is taken again, on the mesh as it was */
 static PetscErrorCode take_points(AlignDriver f, PetscReal *const psi[])
 {
-  const AlignResult     *r = &f->result;
-  const AlignDriverKept *s = f->kept_mesh;
-  PetscInt              *side;
-  PetscReal             *size;
-  RemapCount             count;
+  const AlignKept *s = f->kept_mesh;
+  PetscInt        *side;
+  PetscReal       *size;
+  RemapCount       count;
 
   PetscFunctionBeginUser;
   if (f->targets.nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(f->npoint, &side, f->npoint, &size));
   for (PetscInt e = 0; e < f->npoint; e++) size[e] = RemapCellSize(f->remap, f->point[e]);
   if (s)
-    PetscCall(RemapEvaluateAt(s->mesh.remap, f->npoint, f->from, size, side,
-                              (RemapCells){s->mesh.inactive, s->mesh.side}, 2, (const PetscReal *const *)psi, f->kept,
-                              &count));
+    PetscCall(RemapEvaluateAt(s->remap, f->npoint, f->from, size, side, (RemapCells){s->inactive, s->side}, 2,
+                              (const PetscReal *const *)psi, f->kept, &count));
   else
-    PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side, (RemapCells){r->cell_before, r->side_before},
-                            2, (const PetscReal *const *)psi, f->kept, &count));
+    PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side,
+                            (RemapCells){f->fluid.cell_before, f->fluid.side_before}, 2, (const PetscReal *const *)psi,
+                            f->kept, &count));
   PetscCall(PetscFree2(side, size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -119,7 +221,7 @@ static PetscErrorCode copy_fields(AlignDriver f, PetscReal *field[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
   PetscCall(FlowGetLogConformation(f->flow, &psi, NULL));
-  for (PetscInt k = 0; k < f->targets.nfield; k++) {
+  for (PetscInt k = 0; k < (psi ? 4 : 2); k++) {
     PetscCall(PetscMalloc1(n * dim, &field[k]));
     if (k < 2) PetscCall(PetscArraycpy(field[k], u[k], n * dim));
     for (PetscInt i = 0; i < n * dim && k >= 2; i++) field[k][i] = psi[2 * (i - i % dim) + (k - 2) * dim + i % dim];
@@ -142,21 +244,11 @@ static PetscErrorCode subtract_shift(AlignDriver f, PetscReal *field[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode free_fields(PetscInt n, PetscReal *field[])
+static PetscErrorCode destroy_kept(AlignKept **left)
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < n; k++) PetscCall(PetscFree(field[k]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode destroy_kept(AlignDriverKept **left)
-{
-  AlignDriverKept *s = *left;
-
-  PetscFunctionBeginUser;
-  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AlignKeptDestroy(&s->mesh));
-  PetscCall(PetscFree5(s->aligned, s->waits, s->X, s->q, s->size));
+  if (!*left) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AlignKeptDestroy(*left));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -164,20 +256,20 @@ static PetscErrorCode destroy_kept(AlignDriverKept **left)
 /* The fields where the nodes will be */
 static PetscErrorCode carry_over(AlignDriver f)
 {
-  const AlignResult *r = &f->result;
-  AlignTargets      *t = &f->targets;
-  PetscReal         *field[ALIGN_FIELDS];
+  AlignTargets *t = &f->targets;
+  PetscReal    *field[ALIGN_FIELDS];
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
-  PetscCall(AlignTargetsFind(t, r, f->state->number, f->aligned));
-  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before},
-                          t->nfield, (const PetscReal *const *)field, t->value, &f->count));
+  PetscCall(AlignTargetsFind(t, &f->fluid, f->aligned));
+  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side,
+                          (RemapCells){f->fluid.cell_before, f->fluid.side_before}, t->nfield,
+                          (const PetscReal *const *)field, t->value, &f->count));
   PetscCall(find_points(f));
   join_pairs(t);
   PetscCall(subtract_shift(f, field));
   PetscCall(take_points(f, field + 2));
-  PetscCall(free_fields(t->nfield, field));
+  for (PetscInt k = 0; k < t->nfield; k++) PetscCall(PetscFree(field[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -189,79 +281,41 @@ static PetscErrorCode carry_from_old(AlignDriver f)
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, now));
-  PetscCall(AlignKeptEvaluate(&f->kept_mesh->mesh, &f->result, f->state->number, f->remap,
-                              (const PetscReal *const *)now, to, &f->count));
+  PetscCall(AlignKeptEvaluate(f->kept_mesh, &f->fluid, f->remap, (const PetscReal *const *)now, to, &f->count));
   PetscCall(find_points(f));
   join_pairs(to);
-  PetscCall(take_points(f, f->kept_mesh->mesh.field + 2));
-  PetscCall(free_fields(to->nfield, now));
+  PetscCall(take_points(f, f->kept_mesh->field + 2));
+  for (PetscInt k = 0; k < to->nfield; k++) PetscCall(PetscFree(now[k]));
   PetscCall(destroy_kept(&f->kept_mesh));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode AlignDriverSetCarry(AlignDriver f, AlignCarry carry, void *ctx)
-{
-  PetscFunctionBeginUser;
-  f->carry     = carry;
-  f->carry_ctx = ctx;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode AlignDriverSetPoints(AlignDriver f, PetscInt n, const PetscReal x[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(BodySurfacesSetPoints(f->surfaces, n, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode carry_others(AlignDriver f)
 {
-  const AlignMotion m = {&f->result, (const PetscReal(*)[3])f->displacement, (const PetscReal(*)[9])f->rotation,
-                         f->before, f->remap};
-
   PetscFunctionBeginUser;
-  if (f->carry) PetscCall((*f->carry)(f->carry_ctx, &m));
+  for (PetscInt i = 0; i < f->nowner; i++) {
+    const AlignOwner *o      = f->owner[i];
+    const AlignChange change = {&f->result, f->before + AlignJoinGetFirst(f->join)[i], f->remap, (PetscBool)!f->done};
+
+    if (o->carry) PetscCall((*o->carry)(o->ctx, &change));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static MeshUpdateMesh new_mesh(AlignDriver f)
-{
-  const AlignResult  *r = &f->result;
-  const AlignTargets *t = &f->targets;
+/* ---- life cycle ---- */
 
-  return (MeshUpdateMesh){r->nnode, r->node, r->x,     PETSC_FALSE, r->cell_surface, f->aligned,
-                          t->n,     t->node, t->value, f->npoint,   f->point,        f->kept};
-}
-
-PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_update, AlignDriver *driver)
+PetscErrorCode AlignDriverCreate(Flow flow, MeshUpdate mesh_update, AlignDriver *driver)
 {
   AlignDriver f;
-  PetscReal  *psi;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->flow        = flow;
   f->mesh_update = mesh_update;
-  f->bodies      = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetComm(f->mesh, &f->comm));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
-  PetscCall(BodiesGetState(bodies, &f->state));
-  PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
-  PetscCall(BodySurfacesSet(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
-  PetscCall(BodySurfacesRefusePlates(f->surfaces, f->mesh));
-  PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
-  PetscCall(FlowGetLogConformation(flow, &psi, NULL));
-  PetscCall(AlignTargetsCreate(f->loc, psi ? 4 : 2, &f->targets));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->aligned), (void **)&f->aligned));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->waits), (void **)&f->waits));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->size), (void **)&f->size));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->wanted), (void **)&f->wanted));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->before), (void **)&f->before));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->displacement), (void **)&f->displacement));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->rotation), (void **)&f->rotation));
   *driver = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -269,168 +323,151 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_updat
 PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 {
   AlignDriver  f       = *driver;
-  void **const array[] = {(void **)&f->aligned, (void **)&f->waits,        (void **)&f->X,
-                          (void **)&f->q,       (void **)&f->size,         (void **)&f->wanted,
-                          (void **)&f->before,  (void **)&f->displacement, (void **)&f->rotation};
+  void **const array[] = {(void **)&f->wanted,    (void **)&f->still,     (void **)&f->before,   (void **)&f->aligned,
+                          (void **)&f->waits,     (void **)&f->point,     (void **)&f->from,     (void **)&f->kept,
+                          (void **)&f->masked[0], (void **)&f->masked[1], (void **)&f->masked[2]};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(destroy_kept(&f->kept_mesh));
   PetscCall(AlignDestroy(&f->align));
-  PetscCall(BodySurfacesDestroy(&f->surfaces));
+  PetscCall(AlignJoinDestroy(&f->join));
   PetscCall(RemapDestroy(&f->remap));
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
   PetscCall(AlignTargetsDestroy(&f->targets));
-  PetscCall(PetscFree(f->point));
-  PetscCall(PetscFree(f->from));
-  PetscCall(PetscFree(f->kept));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(PetscFree(*array[i]));
   PetscCall(PetscFree(*driver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* One boundary method a body for as long as the mesh cannot follow it: what it changes makes the forces jump. One that
-   stands still waits for nothing, since nothing will change. */
-static void count_down(AlignDriver f)
+PetscErrorCode AlignDriverAdd(AlignDriver f, AlignOwner *owner)
 {
-  for (PetscInt k = 0; k < f->state->n; k++) {
-    const PetscBool still = (PetscBool)(dot3(f->state->u[k], f->state->u[k]) == 0 &&
-                                        dot3(f->state->w[k], f->state->w[k]) == 0);
-
-    if (f->result.could[k]) f->waits[k] = still ? 0 : f->waits[k] - 1;
-    else f->waits[k] = f->aligned[k] || !f->wanted[k] ? 0 : ALIGN_PATIENCE;
-  }
+  PetscFunctionBeginUser;
+  PetscCheck(f->nowner < OWNERS && !f->align, f->comm, PETSC_ERR_PLIB, "Too many owners of surfaces, or too late");
+  f->owner[f->nowner++] = owner;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies are at X, q now, of the sizes that they have: the motion since the last fit */
-static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode AlignDriverHold(AlignDriver f, const PetscBool held[])
 {
-  for (PetscInt k = 0; k < f->state->n; k++) {
-    const PetscReal shrunk = f->size[k] / f->state->scale[k];
-    PetscReal       now[9], then[9];
-
-    RotationMatrix(q[k], now);
-    RotationMatrix(f->q[k], then);
-    for (PetscInt a = 0; a < 3; a++) {
-      f->displacement[k][a] = X[k][a] -
-                              (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
-      for (PetscInt b = 0; b < 3; b++) f->rotation[k][3 * a + b] = shrunk * dot3(then + 3 * a, now + 3 * b);
-    }
-  }
+  PetscFunctionBeginUser;
+  PetscCall(create_align(f));
+  PetscCall(AlignHold(f->align, held));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *aligned[],
-                                 const AlignResult **result, const RemapCount **count)
+/* ---- the step ---- */
+
+/* As the fit has it. Cells leave the fluid if there is an owner with nothing inside, the first. */
+static PetscErrorCode new_mesh(AlignDriver f, MeshUpdateMesh *to)
 {
-  const PetscInt  n     = f->state->n;
-  const PetscBool first = (PetscBool)!f->done;
-  MeshUpdateMesh  to;
-  PetscBool       any;
+  const AlignResult  *r = &f->result;
+  const AlignTargets *t = &f->targets;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < n; k++)
-    f->wanted[k] = (PetscBool)(!f->state->removed[k] && !BodiesGetGroup(f->state, k)->body_fitted);
-  PetscCall(PetscArraycpy(f->before, f->aligned, n));
+  *to = (MeshUpdateMesh){.nnode    = r->nnode,
+                         .node     = r->node,
+                         .x        = r->x,
+                         .ncarried = t->n,
+                         .carried  = t->node,
+                         .value    = t->value,
+                         .nalong   = f->npoint,
+                         .along    = f->point,
+                         .kept     = f->kept};
+  if (f->owner[0]->inside > ALIGN_NOTHING) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(mask_cells(f, ALIGN_NOTHING, r->cell_surface, &to->cell_surface));
+  to->resolved = f->owner[0]->aligned;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AlignDriverUpdate(AlignDriver f)
+{
+  MeshUpdateMesh to;
+  PetscBool      any;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_align(f));
+  PetscCall(gather(f));
   PetscCall(AlignSetPatience(f->align, f->waits));
-  PetscCall(BodySurfacesSet(f->surfaces, X, q));
-  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->aligned, &f->result));
+  PetscCall(fit(f, f->done ? f->before : NULL));
   PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
-  find_motion(f, X, q);
-  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
-  PetscCall(PetscArraycpy(f->size, f->state->scale, n));
-  f->done      = 1;
+  PetscCall(scatter(f));
   f->targets.n = f->npoint = 0;
   f->count                 = (RemapCount){0, 0, 0, 0};
   PetscCall(MeshUpdateBegin(f->mesh_update, f->result.ncell, f->result.cell, &any));
   if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
-  if (!first) PetscCall(carry_others(f));
-  to = new_mesh(f);
+  PetscCall(carry_others(f));
+  f->done = 1;
+  PetscCall(new_mesh(f, &to));
   PetscCall(MeshUpdateCommit(f->mesh_update, &to));
-  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->mesh_update));
-  *aligned = f->aligned;
-  *result  = &f->result;
-  *count   = &f->count;
+  if (!any && AlignJoinGet(f->join)->sum) PetscCall(MeshUpdateBodies(f->mesh_update));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
+PetscErrorCode AlignDriverGetResult(AlignDriver f, const AlignResult **result, const RemapCount **count)
 {
-  const PetscInt   n = f->state->n;
-  AlignDriverKept *s;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&s));
-  PetscCall(AlignKeptCreate(f->loc, f->done ? &f->result : NULL, &s->mesh));
-  PetscCall(copy_fields(f, s->mesh.field));
-  PetscCall(PetscMalloc5(n, &s->aligned, n, &s->waits, n, &s->X, n, &s->q, n, &s->size));
-  PetscCall(PetscArraycpy(s->size, f->size, n));
-  PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
-  PetscCall(PetscArraycpy(s->aligned, f->aligned, n));
-  PetscCall(PetscArraycpy(s->waits, f->waits, n));
-  s->done = f->done;
-  *left   = s;
+  *result = &f->result;
+  if (count) *count = &f->count;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mesh *old)
+PetscInt AlignDriverGetFirst(AlignDriver f, const AlignOwner *owner)
 {
-  const PetscInt n = f->state->n;
+  PetscInt i = 0;
 
+  while (f->owner[i] != owner) i++;
+  return AlignJoinGetFirst(f->join)[i];
+}
+
+/* ---- other meshes, state ---- */
+
+PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignKept **left)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(left));
+  PetscCall(AlignKeptCreate(f->loc, f->done ? &f->fluid : NULL, *left));
+  PetscCall(copy_fields(f, (*left)->field));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignKept **left, Mesh *old)
+{
   PetscFunctionBeginUser;
   f->kept_mesh = *left;
   *left        = NULL;
   f->done      = f->kept_mesh->done;
-  PetscCall(PetscArraycpy(f->aligned, f->kept_mesh->aligned, n));
-  PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, n));
-  PetscCall(PetscArraycpy(f->size, f->kept_mesh->size, n));
-  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->kept_mesh->X, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->kept_mesh->q, 4 * n));
-  PetscCall(AlignKeptArrive(&f->kept_mesh->mesh, old, f->mesh));
+  PetscCall(AlignKeptArrive(f->kept_mesh, old, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The mesh of the fields that are there. Bodies that are spread are still known where the scene has put them. */
-static PetscErrorCode restore_mesh(AlignDriver f)
+PetscErrorCode AlignDriverVisitState(AlignDriver f, State state, const char name[], PetscBool *known)
+{
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, name, known));
+  if (*known) PetscCall(StateInts(state, name, 1, &f->done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool AlignDriverIsDone(AlignDriver f)
+{
+  return (PetscBool)(f->done != 0);
+}
+
+PetscErrorCode AlignDriverRestore(AlignDriver f)
 {
   MeshUpdateMesh to;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesMigrate(f->bodies, 0, 1));
-  PetscCall(PetscArraycpy(f->wanted, f->aligned, f->state->n));
-  PetscCall(BodySurfacesSet(f->surfaces, f->X, f->q));
-  PetscCall(AlignFit(f->align, f->wanted, NULL, f->aligned, &f->result));
-  to = new_mesh(f);
+  f->arrived = (f->arrived + 1) % f->nowner;
+  if (f->arrived || !f->done) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(create_align(f));
+  PetscCall(gather(f));
+  PetscCall(PetscArraycpy(f->wanted, f->before, f->n));
+  PetscCall(fit(f, NULL));
+  PetscCall(scatter(f));
+  PetscCall(new_mesh(f, &to));
   PetscCall(MeshUpdateRestore(f->mesh_update, f->result.ncell, f->result.cell, &to));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode AlignDriverVisitState(AlignDriver f, State state)
-{
-  const PetscInt n = f->state->n;
-  PetscInt      *aligned;
-  PetscBool      has;
-  BodyRows       rows;
-
-  PetscFunctionBeginUser;
-  PetscCall(StateHas(state, "fit_done", &has));
-  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with another method: the mesh is as at the start */
-  PetscCall(StateInts(state, "fit_done", 1, &f->done));
-  PetscCall(BodiesBeginRows(f->bodies, &rows));
-  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
-  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_q", 4, (PetscReal *)f->q));
-  PetscCall(PetscMalloc1(n, &aligned));
-  for (PetscInt k = 0; k < n; k++) aligned[k] = f->aligned[k] ? 1 : -f->waits[k];
-  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", aligned));
-  for (PetscInt k = 0; k < n; k++) {
-    f->aligned[k] = (PetscBool)(aligned[k] > 0);
-    f->waits[k]   = PetscMax(0, -aligned[k]);
-  }
-  PetscCall(PetscFree(aligned));
-  PetscCall(BodiesEndRows(&rows));
-  if (StateIsLoading(state)) PetscCall(PetscArraycpy(f->size, f->state->scale, n)); /* those of the last step */
-  if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -6,7 +6,7 @@
 PetscErrorCode AlignKeptCreate(const MeshLocal *l, const AlignResult *r, AlignKept *kept)
 {
   PetscFunctionBeginUser;
-  *kept = (AlignKept){.mesh = NULL};
+  *kept = (AlignKept){.done = r != NULL};
   PetscCall(PetscMalloc2(l->ncell_all, &kept->inactive, l->ncell_all, &kept->side));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     kept->inactive[c] = r ? r->cell_surface[c] : -1;
@@ -62,27 +62,26 @@ PetscErrorCode AlignKeptArrive(AlignKept *kept, Mesh *old, Mesh now)
 }
 
 /* Own fluid nodes that the fit moves, or where the old mesh was lined up */
-static PetscErrorCode find_targets(const AlignKept *kept, const AlignResult *r, const PetscInt number[],
-                                   AlignTargets *t)
+static PetscErrorCode find_targets(const AlignKept *kept, const AlignResult *r, AlignTargets *t)
 {
   const MeshLocal *l = t->loc;
 
   PetscFunctionBeginUser;
   AlignTargetsBegin(t);
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(AlignTargetsAdd(t, r, number, r->node[e], r->x + l->dim * e));
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(AlignTargetsAdd(t, r, r->node[e], r->x + l->dim * e));
   for (PetscInt i = 0; i < l->nnode; i++)
-    if (kept->near[i] != 0) PetscCall(AlignTargetsAdd(t, r, number, i, l->x + l->dim * i));
+    if (kept->near[i] != 0) PetscCall(AlignTargetsAdd(t, r, i, l->x + l->dim * i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignKeptEvaluate(const AlignKept *kept, const AlignResult *r, const PetscInt number[], Remap of_new,
+PetscErrorCode AlignKeptEvaluate(const AlignKept *kept, const AlignResult *r, Remap of_new,
                                  const PetscReal *const now[], AlignTargets *t, RemapCount *count)
 {
   const PetscInt dim = t->loc->dim, bs = t->nfield * dim;
   PetscReal     *size;
 
   PetscFunctionBeginUser;
-  PetscCall(find_targets(kept, r, number, t));
+  PetscCall(find_targets(kept, r, t));
   PetscCall(PetscMalloc1(t->n, &size));
   for (PetscInt i = 0; i < t->n; i++) {
     size[i] = RemapCellSize(of_new, t->node[i]);

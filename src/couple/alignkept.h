@@ -1,7 +1,6 @@
 /* AlignKept: a mesh that was lined up with surfaces, when its cells are made anew (mesh/carry.h): what it was, and the
    velocities there, until the new mesh is lined up for the first time. Nodes that this moves, or where the old mesh
-   was lined up, take their values from there; elsewhere the flow has brought them over. For aligned.h and
-   elasticalign.h. */
+   was lined up, take their values from there; elsewhere the flow has brought them over. For aligned.h. */
 #pragma once
 #include "align/align.h"
 #include "aligntargets.h"
@@ -11,6 +10,7 @@
 
 typedef struct {
   Mesh       mesh; /* NULL until it arrives */
+  PetscInt   done; /* had it been lined up? */
   Remap      remap;
   PetscReal *field[ALIGN_FIELDS]; /* [nnode_all][dim] of that mesh, NULL: no more; owned */
   PetscInt  *inactive, *side;     /* [ncell_all] of that mesh */
@@ -24,5 +24,5 @@ PetscErrorCode AlignKeptDestroy(AlignKept *);
 PetscErrorCode AlignKeptArrive(AlignKept *, Mesh *old, Mesh now);
 /* Targets on the new mesh, as it will be, with their values: from there, or `now` [nfield], those of their nodes.
    Collective. */
-PetscErrorCode AlignKeptEvaluate(const AlignKept *, const AlignResult *, const PetscInt number[], Remap of_new,
-                                 const PetscReal *const now[], AlignTargets *, RemapCount *);
+PetscErrorCode AlignKeptEvaluate(const AlignKept *, const AlignResult *, Remap of_new, const PetscReal *const now[],
+                                 AlignTargets *, RemapCount *);

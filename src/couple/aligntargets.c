@@ -3,10 +3,10 @@
 #include "aligntargets.h"
 #include "base/array.h"
 
-PetscErrorCode AlignTargetsCreate(const MeshLocal *l, PetscInt nfield, AlignTargets *t)
+PetscErrorCode AlignTargetsCreate(const MeshLocal *l, const AlignSurfaces *surfaces, PetscInt nfield, AlignTargets *t)
 {
   PetscFunctionBeginUser;
-  *t = (AlignTargets){.loc = l, .nfield = nfield};
+  *t = (AlignTargets){.loc = l, .surfaces = surfaces, .nfield = nfield};
   PetscCall(PetscCalloc1(l->nnode_all, &t->stamp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -50,37 +50,44 @@ static PetscErrorCode append(AlignTargets *t, PetscInt i, const PetscReal x[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignTargetsAdd(AlignTargets *t, const AlignResult *r, const PetscInt number[], PetscInt i,
-                               const PetscReal x[])
+PetscErrorCode AlignTargetsAdd(AlignTargets *t, const AlignResult *r, PetscInt i, const PetscReal x[])
 {
-  const PetscInt k = r->node_surface[i];
+  const AlignSurfaces *s = t->surfaces;
+  const PetscInt       k = r->node_surface[i];
 
   PetscFunctionBeginUser;
   if (t->stamp[i] == t->now) PetscFunctionReturn(PETSC_SUCCESS);
   t->stamp[i] = t->now;
   if (i >= t->loc->nnode || is_fully_covered(t->loc, i, r->cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!number || k < 0 || r->inactive[k]) PetscCall(append(t, i, x, r->node_side[i]));
+  if (k < 0 || r->inactive[k] || !AlignLeavesFluid(s, k)) PetscCall(append(t, i, x, r->node_side[i]));
   else {
-    PetscCall(append(t, i, x, number[k] + 1));
-    PetscCall(append(t, i, x, -(number[k] + 1)));
+    PetscCall(append(t, i, x, s->number[k] + 1));
+    PetscCall(append(t, i, x, -(s->number[k] + 1)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignTargetsFind(AlignTargets *t, const AlignResult *r, const PetscInt number[],
-                                const PetscBool aligned[])
+/* Was own node i inside a surface whose inside had left the fluid, and which is aligned no more? */
+static PetscBool is_given_up(const AlignTargets *t, const AlignResult *r, const PetscBool aligned[], PetscInt i)
+{
+  const PetscInt k = r->cell_before[t->loc->node_cell[t->loc->node_cell_ptr[i]]];
+
+  return (PetscBool)(!aligned[k] && AlignLeavesFluid(t->surfaces, k));
+}
+
+PetscErrorCode AlignTargetsFind(AlignTargets *t, const AlignResult *r, const PetscBool aligned[])
 {
   const MeshLocal *l = t->loc;
 
   PetscFunctionBeginUser;
   AlignTargetsBegin(t);
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(AlignTargetsAdd(t, r, number, r->node[e], r->x + l->dim * e));
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(AlignTargetsAdd(t, r, r->node[e], r->x + l->dim * e));
   for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
 
     if (t->stamp[i] == t->now || i >= l->nnode || !is_fully_covered(l, i, r->cell_before)) continue;
-    if (aligned && !aligned[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) continue;
-    PetscCall(AlignTargetsAdd(t, r, number, i, l->x + l->dim * i));
+    if (is_given_up(t, r, aligned, i)) continue;
+    PetscCall(AlignTargetsAdd(t, r, i, l->x + l->dim * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

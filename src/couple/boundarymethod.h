@@ -29,8 +29,10 @@ typedef struct {
   PetscErrorCode (*force)(Couple, void *method, const unsigned char fixed[], PetscReal out[3]);
   /* its Penalty, for surfaces that move beside the rigid motion (slip.c) */
   struct _p_Penalty *(*penalty)(void *method);
-  /* calls this with what moves, where it moves nodes (aligned.h) */
+  /* calls this with what moves, where it moves nodes (alignbodies.h) */
   PetscErrorCode (*carry)(void *method, PetscErrorCode (*)(void *ctx, const struct _n_AlignMotion *), void *ctx);
+  /* what lines the mesh up with bodies, for others with surfaces (aligned.h) */
+  struct _p_AlignDriver *(*driver)(void *method);
   /* points x [n][2], borrowed, of surfaces of bodies that others touch there: a vertex is to lie on each */
   PetscErrorCode (*points)(void *method, PetscInt n, const PetscReal x[]);
   /* the mesh has another form as a whole */

@@ -91,6 +91,8 @@ static PetscErrorCode set_properties(Elastic *e, Couple c)
 /* What -couple_method aligned has of a mesh */
 static PetscErrorCode make_aligned(Elastic *e, Couple c, Mesh *old)
 {
+  AlignDriver beside = NULL;
+
   PetscFunctionBeginUser;
   PetscCheck(!old || !c->scalars, c->comm, PETSC_ERR_SUP,
              "-scalars with elastic particles on a mesh whose cells are rebuilt: nodes that go along with solids are not known on a new mesh: "
@@ -98,7 +100,8 @@ static PetscErrorCode make_aligned(Elastic *e, Couple c, Mesh *old)
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
   PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
-  if (!e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
+  if (e->beside) beside = (*c->method.table->driver)(c->method.data);
+  if (!e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, beside, &e->align));
   if (e->left) {
     PetscCall(ElasticAlignAfterRemesh(e->align, &e->left, old));
     PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
@@ -157,12 +160,18 @@ static PetscErrorCode destroy(Couple c, void *data)
 
 /* ---- the step ---- */
 
+/* The boundary method lines the mesh up with them, if with rigid bodies that move, in every step */
 static PetscErrorCode predict(Couple c, void *data)
 {
+  Elastic *e = (Elastic *)data;
+
   PetscFunctionBeginUser;
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Elastic particles move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
-  PetscCall(ElasticPredict((Elastic *)data, c));
+  PetscCall(ElasticPredict(e, c));
+  if (!e->beside) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ElasticAlignPlace(e->align, e->x));
+  c->method.others = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,7 +204,7 @@ static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(MeshRebase(c->mesh));
-  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
+  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, NULL, &e->align));
   PetscCall(PetscMalloc2(n, &body, n, &held));
   PetscCall(mark_rigid(c, body));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(body[i] >= 0);
@@ -489,13 +498,14 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* -couple_method aligned, of solids alone or next to rigid bodies that stand still. A mesh that has been given another
-   form as a whole has no cells to be made anew. */
+/* -couple_method aligned, of solids alone, beside rigid bodies that move (one fit to both) or next to such as stand
+   still (the mesh is lined up with these once). A mesh that has been given another form as a whole has no cells to be
+   made anew. */
 static PetscErrorCode choose_method(Elastic *e, Couple c)
 {
   const BoundaryMethod *method = c->method.table;
   const char           *why;
-  PetscBool             tracks = PETSC_FALSE;
+  PetscBool             tracks = PETSC_FALSE, still;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
@@ -504,13 +514,17 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCall(OptPeekBool("-mesh_track", &tracks));
   PetscCall(CoupleCanAlignSolids(e->s->dim, c->bodies, e->solids, tracks, &why));
   PetscCheck(!why, c->comm, PETSC_ERR_SUP, "%s", why);
-  e->rebase   = (PetscBool)(c->s->nall > 0);
-  e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsHave(e->s, PETSC_TRUE));
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  e->rebase   = (PetscBool)(c->s->nall > 0 && still);
+  e->beside   = (PetscBool)(c->s->nall > 0 && !still);
+  e->anchored = (PetscBool)(e->s->dim == 2 && !SolidsHave(e->s, PETSC_TRUE) && !e->beside);
   for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
   PetscCall(OptBool("-couple_anchored", &e->anchored));
   PetscCheck(!e->anchored || e->s->dim == 2, c->comm, PETSC_ERR_SUP,
              "-couple_anchored true: the mesh goes along with elastic particles that are held in the plane alone; in space it is lined up with them in "
              "every step: remove it");
+  PetscCheck(!e->anchored || !e->beside, c->comm, PETSC_ERR_SUP,
+             "-couple_anchored true: beside rigid bodies that move the mesh is lined up with elastic particles in every step: remove it");
   PetscCheck(!tracks || !e->anchored, c->comm, PETSC_ERR_SUP,
              "-mesh_track true: the mesh goes along with elastic particles that are held, and its fine cells with it: remove -mesh_track");
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -80,14 +80,15 @@ typedef struct Elastic {
   Mat               P, K;            /* map, matrix of the solids */
   Vec               us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter        gather;
-  PetscReal        *force;           /* [own nodes][dim] on the flow */
-  PetscReal        *viscosity;       /* [ncell_all] of the flow, NULL: that of the parameters; see elasticinside.h */
-  PetscReal        *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
-  PetscBool         aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
-  ElasticAlign      align;           /* NULL: immersed, or not yet */
-  ElasticAlignKept *left;            /* while the cells of the mesh are made anew: of those before */
-  ElasticInertia    inertia;         /* of solids that the mesh follows */
-  ElasticAle        ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  PetscReal        *force;          /* [own nodes][dim] on the flow */
+  PetscReal        *viscosity;      /* [ncell_all] of the flow, NULL: that of the parameters; see elasticinside.h */
+  PetscReal        *lumped;         /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
+  PetscBool         aligned;        /* -couple_method aligned: alone, or */
+  PetscBool         rebase, beside; /* after rigid bodies that stand still, at first; together with such as move */
+  ElasticAlign      align;          /* NULL: immersed, or not yet */
+  ElasticAlignKept *left;           /* while the cells of the mesh are made anew: of those before */
+  ElasticInertia    inertia;        /* of solids that the mesh follows */
+  ElasticAle        ale;            /* solids that are held: the mesh goes along; NULL: not so, or not yet */
   PetscBool         anchored;
   ElasticCarried    carried;
   ElasticLabels     labels; /* of this step, if there is one */

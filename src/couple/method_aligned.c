@@ -9,7 +9,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "penalty.h"
-#include "aligned.h"
+#include "alignbodies.h"
 #include "couple/bodysurfaces.h"
 #include "base/log.h"
 #include "bodies/local.h"
@@ -26,7 +26,7 @@ enum {
 };
 
 typedef struct {
-  AlignDriver driver;
+  AlignBodies align;
   Penalty     penalty;
   PetscBool   remarked;  /* that a body goes too far in a step */
   PetscBool   cut;       /* likewise, that the mesh cuts corners off */
@@ -34,7 +34,7 @@ typedef struct {
 } AlignedMethod;
 
 typedef struct {
-  AlignDriverKept *driver;
+  AlignBodiesKept *align;
   PetscBool        remarked, cut, penalised;
 } MethodKept;
 
@@ -45,7 +45,7 @@ static PetscErrorCode create_aligned(Couple c, void **method)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
-  PetscCall(AlignDriverCreate(c->flow, c->bodies, c->mesh_update, &r->driver));
+  PetscCall(AlignBodiesCreate(c->flow, c->bodies, c->mesh_update, &r->align));
   c->method.count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
   c->method.count[NARROW].name  = "aligned_narrow_gaps";
   c->method.count[TAYLOR].name  = "aligned_extrapolated";
@@ -113,12 +113,14 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   PetscReal          penalised, first;
 
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &aligned, &s, &remap));
+  PetscCall(AlignBodiesUpdate(r->align, c->rigid.X, c->rigid.q, &aligned));
+  PetscCall(AlignDriverGetResult(AlignBodiesGetDriver(r->align), &s, &remap));
   c->method.inactive_inside = s->inactive;
   c->method.on_surface      = s->on_wall;
   c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
   for (PetscInt e = 0; e < s->nmarked; e++)
-    PetscCall(IndicatorAssign(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
+    if (s->node_surface[s->marked[e]] < c->s->n) /* those of others come after the bodies */
+      PetscCall(IndicatorAssign(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
   c->method.count[NARROW].value  = s->nnarrow;
   c->method.count[CORNERS].value = s->ncut;
   c->method.count[TAYLOR].value += remap->taylor;
@@ -216,21 +218,26 @@ static PetscErrorCode accept_step(Couple c, void *method)
 static PetscErrorCode set_carry(void *method, AlignCarry carry, void *ctx)
 {
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverSetCarry(((AlignedMethod *)method)->driver, carry, ctx));
+  PetscCall(AlignBodiesSetCarry(((AlignedMethod *)method)->align, carry, ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static AlignDriver get_driver(void *method)
+{
+  return AlignBodiesGetDriver(((AlignedMethod *)method)->align);
 }
 
 static PetscErrorCode set_points(void *method, PetscInt n, const PetscReal x[])
 {
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverSetPoints(((AlignedMethod *)method)->driver, n, x));
+  PetscCall(AlignBodiesSetPoints(((AlignedMethod *)method)->align, n, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode visit_state(void *method, State state)
 {
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverVisitState(((AlignedMethod *)method)->driver, state));
+  PetscCall(AlignBodiesVisitState(((AlignedMethod *)method)->align, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -244,7 +251,7 @@ static PetscErrorCode keep_of_mesh(void *method, void **left)
   l->remarked  = r->remarked;
   l->cut       = r->cut;
   l->penalised = r->penalised;
-  PetscCall(AlignDriverBeforeRemesh(r->driver, &l->driver));
+  PetscCall(AlignBodiesBeforeRemesh(r->align, &l->align));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -258,7 +265,7 @@ static PetscErrorCode make_on_mesh(void *method, void **left, Mesh *old)
   r->remarked  = l->remarked;
   r->cut       = l->cut;
   r->penalised = l->penalised;
-  PetscCall(AlignDriverAfterRemesh(r->driver, &l->driver, old));
+  PetscCall(AlignBodiesAfterRemesh(r->align, &l->align, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -275,7 +282,7 @@ static PetscErrorCode destroy_aligned(void *method)
   AlignedMethod *r = (AlignedMethod *)method;
 
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverDestroy(&r->driver));
+  PetscCall(AlignBodiesDestroy(&r->align));
   PetscCall(PenaltyDestroy(&r->penalty));
   PetscCall(PetscFree(r));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -291,6 +298,7 @@ const BoundaryMethod method_aligned = {.name          = "aligned",
                                        .force         = add_force,
                                        .penalty       = get_penalty,
                                        .carry         = set_carry,
+                                       .driver        = get_driver,
                                        .points        = set_points,
                                        .before_remesh = keep_of_mesh,
                                        .after_remesh  = make_on_mesh,

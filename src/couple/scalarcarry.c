@@ -1,7 +1,7 @@
 /* ScalarCarry: see scalarcarry.h. */
 #include "compat.h"
 #include "impl.h"
-#include "aligned.h"
+#include "alignbodies.h"
 #include "cutcells.h"
 #include "scalarbooks.h"
 #include "scalarcarry.h"

@@ -1,4 +1,5 @@
-/* ScalarCarry: scalars on a mesh that is lined up with bodies which move (aligned.h), arbitrary Lagrangian-Eulerian.
+/* ScalarCarry: scalars on a mesh that is lined up with bodies which move (alignbodies.h), arbitrary
+   Lagrangian-Eulerian.
 
    Inside bodies nodes are points of the body, around them they go along, less with the distance, to a standstill three
    cells away: node x of the end of the step was at y = x - f d(x) at its beginning, d the displacement of the body, f 1

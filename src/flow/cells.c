@@ -244,7 +244,7 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
 #define MIN_ROW 0.2 /* of the mass in proportion to the diagonal, 1 or so away from interfaces */
 
 /* The mass of a cell in proportion to the diagonal of its mass matrix (Hinton, Rock & Zienkiewicz 1976), in its slots:
-   mass [nb] += */
+   mass [nb] += ; an inactive one has none */
 static PetscErrorCode scale_diagonal(Flow f, PetscInt c, PetscReal mass[])
 {
   const PetscInt nb                    = f->loc->nb;
@@ -258,7 +258,7 @@ static PetscErrorCode scale_diagonal(Flow f, PetscInt c, PetscReal mass[])
     for (PetscInt j = 0; j < nb; j++) diagonal[j] += m.weight[q] * PetscSqr(f->element.phi[q * f->element.nbp + j]);
   }
   for (PetscInt j = 0; j < nb; j++) sum += diagonal[j];
-  for (PetscInt j = 0; j < nb; j++) diagonal[j] *= volume / sum;
+  for (PetscInt j = 0; j < nb; j++) diagonal[j] *= sum > 0 ? volume / sum : 0;
   MeshCellScatter(f->loc, c, 1, diagonal);
   for (PetscInt j = 0; j < nb; j++) mass[j] += diagonal[j];
   PetscFunctionReturn(PETSC_SUCCESS);

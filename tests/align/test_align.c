@@ -1,10 +1,11 @@
 /* Align, given surfaces that are no bodies: ellipses and ellipsoids that change their form, in the plane polygons that
    are sheared. Nodes lie on the surfaces to round-off, what is inside has their area and volume, with an inside that
-   leaves the mesh and one that stays in it, through a periodic side, on any number of ranks; surfaces keep their
-   numbers when others vanish. */
+   leaves the mesh and one that stays in it, through a periodic side, of two owners at once, on any number of ranks;
+   surfaces keep their numbers when others vanish. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "align/align.h"
+#include "align/join.h"
 #include "base/algebra.h"
 #include "fem/element.h"
 
@@ -172,8 +173,8 @@ static void close_case(Case *c)
   OK(MeshDestroy(&c->mesh));
 }
 
-/* What goes with the form of the surfaces, and the mesh on them */
-static void fit(Case *c)
+/* What goes with the form of the surfaces */
+static void measure(Case *c)
 {
   for (PetscInt k = 0; k < c->table.n; k++) {
     c->volume[k] = c->dim == 2 ? PETSC_PI : 4 * PETSC_PI / 3;
@@ -187,6 +188,12 @@ static void fit(Case *c)
     for (PetscInt i = 0; i < NCORNER; i++)
       c->radius[k] = PetscMax(c->radius[k], PetscHypotReal(c->corner[i][0], c->corner[i][1]));
   }
+}
+
+/* The mesh on them */
+static void fit(Case *c)
+{
+  measure(c);
   OK(AlignFit(c->align, c->wanted, NULL, c->aligned, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
@@ -369,6 +376,49 @@ static void test_numbers(void **state)
   close_case(&c);
 }
 
+/* The surfaces of two owners in one fit: an ellipse whose inside leaves the mesh, a pentagon whose inside stays */
+static void test_joined(void **state)
+{
+  Case                       c = {0}, other = {.polygon = PETSC_TRUE};
+  const AlignSurfaces *const table[2] = {&c.table, &other.table};
+  PetscReal                  quality;
+  AlignJoin                  join;
+
+  (void)state;
+  open_case(&other, 1, "-mesh_cells 8,8");
+  open_case(&c, 1, "-mesh_cells 40,40");
+  other.table.corners = corners;
+  other.inactive[0]   = PETSC_FALSE;
+  OK(AlignDestroy(&c.align));
+  OK(AlignJoinCreate(PETSC_COMM_WORLD, 2, table, &join));
+  OK(AlignJoinUpdate(join));
+  OK(AlignCreate(c.mesh, AlignJoinGet(join), &c.align));
+  for (PetscInt step = 0; step < 8; step++) {
+    for (PetscInt a = 0; a < 2; a++) {
+      c.centre[0][a]     = (a ? 0.5 : 0.28) + 0.0125 * noise(2 * step + a);
+      c.axis[0][a]       = 0.12 + 0.04 * noise(100 + 2 * step + a);
+      other.centre[0][a] = (a ? 0.5 : 0.7) + 0.0125 * noise(200 + 2 * step + a);
+    }
+    for (PetscInt i = 0; i < 2 * NCORNER; i++) {
+      const PetscReal angle = 2 * PETSC_PI * (i / 2 + 0.3) / NCORNER;
+
+      other.corner[i / 2][i % 2] = 0.17 * (i % 2 ? PetscSinReal(angle) : PetscCosReal(angle));
+    }
+    measure(&c);
+    measure(&other);
+    OK(AlignJoinUpdate(join));
+    OK(AlignFit(c.align, c.wanted, NULL, c.aligned, &c.r));
+    OK(MeshMoveNodes(c.mesh, c.r.nnode, c.r.node, c.r.x));
+    assert_true(c.aligned[0] && c.aligned[1] && c.r.inactive[0] && !c.r.inactive[1]);
+    assert_int_equal(AlignJoinGetFirst(join)[1], 1);
+    NEAR(volume(&c, 0, &quality), c.volume[0], 1e-3 * c.volume[0]);
+    NEAR(volume(&c, 1, &quality), other.volume[0], 1e-12);
+  }
+  OK(AlignJoinDestroy(&join));
+  close_case(&other);
+  close_case(&c);
+}
+
 /* An ellipsoid in space, its inside in the mesh or not */
 static void test_ellipsoid(void **state)
 {
@@ -400,7 +450,8 @@ static void test_ellipsoid(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_ellipses), cmocka_unit_test(test_polygon),
-                                     cmocka_unit_test(test_numbers), cmocka_unit_test(test_ellipsoid)};
+                                     cmocka_unit_test(test_numbers), cmocka_unit_test(test_joined),
+                                     cmocka_unit_test(test_ellipsoid)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
