@@ -14,16 +14,19 @@
    plane the surface is not stretched across: I1 = I2 = C - 1), and the energy per reference area
      neo_hookean           mu/2 (I1 - 1 + 1/(I2 + 1)) + area/4 I2^2
      skalak                mu/4 (I1^2 + 2 I1 - 2 I2) + area/4 I2^2
-   mu is the surface shear modulus: of an incompressible sheet a third of its surface Young modulus. `area` is C mu of
-   Skalak, Tozeren, Zarda & Chien 1973 as Barthes-Biesel, Diaz & Dhenin 2002 write it. Nothing is collective. */
+     zero_thickness        mu/2 (I1 - L + L^2/2) + area/4 I2^2, L = log(I2 + 1)
+   mu is the surface shear modulus: of an incompressible sheet, and of zero_thickness, a third of the surface Young
+   modulus. `area` is C mu of Skalak, Tozeren, Zarda & Chien 1973 as Barthes-Biesel, Diaz & Dhenin 2002 write it.
+   Nothing is collective. */
 #pragma once
 #include <petscsys.h>
 
 typedef enum {
   SOLID_NEO_HOOKEAN,
   SOLID_ST_VENANT_KIRCHHOFF,
-  SOLID_MEMBRANE_NEO_HOOKEAN, /* membranes from here on */
-  SOLID_MEMBRANE_SKALAK
+  SOLID_MEMBRANE_NEO_HOOKEAN, /* membranes from here on, in the order of -particle_<group>_membrane_law */
+  SOLID_MEMBRANE_SKALAK,
+  SOLID_MEMBRANE_ZERO_THICKNESS
 } SolidLaw;
 
 typedef struct {

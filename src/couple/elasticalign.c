@@ -214,10 +214,7 @@ PetscErrorCode CoupleCanAlignSolids(PetscInt dim, Bodies bodies, Solids solids, 
   both      = (PetscBool)(membranes && SolidsHave(s, PETSC_FALSE));
   PetscCall(BodiesAreStill(bodies, &still));
   *why = NULL;
-  if (membranes && dim == 3)
-    *why =
-      "-couple_method aligned: in space the mesh is not lined up with membranes: use -couple_method penalty, which immerses them";
-  else if (both)
+  if (both)
     *why =
       "-couple_method aligned: the mesh is lined up with membranes or with elastic solids, not with both: use -couple_method penalty, which immerses "
       "them";

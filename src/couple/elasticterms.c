@@ -452,10 +452,13 @@ static PetscReal stiffest(const Elastic *e, Couple c)
   return most / c->par->viscosity;
 }
 
+/* flat: in space cells inside of a membrane that the mesh is lined up with have flat corners, which the smoother of the
+   velocity does not see through (runs/studies/capsules): they are the block's, with their pressures */
 PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
 {
   const PetscBool lined     = (PetscBool)(e->align && SolidsHave(e->s, PETSC_FALSE));
   const PetscBool cut       = (PetscBool)(!lined || e->labels.immersed || SolidsHave(e->s, PETSC_TRUE));
+  const PetscBool flat      = (PetscBool)(e->align && e->s->dim == 3 && SolidsHave(e->s, PETSC_TRUE));
   const PetscReal stiffness = stiffest(e, c);
   PetscBool       any_C;
   Vec             force;
@@ -473,8 +476,8 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
                                             .P         = e->P,
                                             .lumped    = e->align ? e->lumped : NULL,
                                             .force     = e->force,
-                                            .compliant = !lined && stiffness <= COMPLIANT,
-                                            .stiff     = cut && stiffness > STIFF}));
+                                            .compliant = !lined && !flat && stiffness <= COMPLIANT,
+                                            .stiff     = cut && (flat || stiffness > STIFF)}));
   PetscCall(assemble_volumes(e, c, &any_C));
   PetscCall(FlowAddVolume(c->flow, e,
                           &(FlowVolume){.n     = e->volumes.n,

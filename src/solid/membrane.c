@@ -36,6 +36,13 @@ static void evaluate(PetscInt dim, const SolidMaterial *m, const PetscReal F[], 
     p->W1 = 0.5 * m->mu * (p->I1 + 1);
     p->W2 -= 0.5 * m->mu;
     p->W11 = 0.5 * m->mu;
+  } else if (m->law == SOLID_MEMBRANE_ZERO_THICKNESS) {
+    const PetscReal thin = 1 / (1 + p->I2), L = PetscLogReal(1 + p->I2);
+
+    p->W += 0.5 * m->mu * (p->I1 - L + 0.5 * L * L);
+    p->W1 = 0.5 * m->mu;
+    p->W2 += 0.5 * m->mu * (L - 1) * thin;
+    p->W22 += 0.5 * m->mu * (2 - L) * thin * thin;
   } else {
     const PetscReal thin = 1 / (1 + p->I2);
 

@@ -53,18 +53,18 @@ static PetscErrorCode refuse_of_solids(const char group[])
 
 static PetscErrorCode read_membrane(SolidGroup *g)
 {
-  static const char *const LAWS[] = {"neo_hookean", "skalak", NULL};
+  static const char *const LAWS[] = {"neo_hookean", "skalak", "zero_thickness", NULL};
   char                     name[OPT_NAME];
   PetscInt                 law = 0;
 
   PetscFunctionBeginUser;
   PetscCall(refuse_of_solids(g->name));
   PetscCall(OptChoice(OptJoin("-particle_", g->name, "_membrane_law", name), LAWS, &law));
-  g->material.law = law ? SOLID_MEMBRANE_SKALAK : SOLID_MEMBRANE_NEO_HOOKEAN;
+  g->material.law = (SolidLaw)(SOLID_MEMBRANE_NEO_HOOKEAN + law);
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_surface_modulus", name), &g->material.mu));
   PetscCheck(g->material.mu > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' is a membrane and has no surface modulus: give %s", g->name, name);
-  g->material.area = law ? g->material.mu : 0;
+  g->material.area = g->material.law == SOLID_MEMBRANE_SKALAK ? g->material.mu : 0;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_area_modulus", name), &g->material.area));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_bending", name), &g->material.bending));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_global_area_modulus", name), &g->material.global));
@@ -374,7 +374,8 @@ PetscInt SolidsCountGlobalAreas(Solids b)
 
 PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
 {
-  static const char *const LAW[] = {"neo_hookean", "st_venant_kirchhoff", "neo_hookean membrane", "skalak membrane"};
+  static const char *const LAW[] = {"neo_hookean", "st_venant_kirchhoff", "neo_hookean membrane", "skalak membrane",
+                                    "zero_thickness membrane"};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->s.ngroups; i++) {

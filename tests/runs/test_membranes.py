@@ -23,6 +23,7 @@ sim: {dt: 0.05, steps: 2}
 output: {every: 0}
 """
 ALIGNED = PLANE.replace("particle:", "couple: {method: aligned}\nparticle:").replace("surface_modulus: 5", "surface_modulus: 5, bending: 0.3")
+ROUND = SPACE.replace("particle:", "couple: {method: aligned}\nparticle:").replace("modulus: 3", "modulus: 3, bending: 0.03, viscosity: 3")
 THICK = [text.replace("surface_modulus: 5", "surface_modulus: 5, viscosity: 5").replace("surface_modulus: 3", "surface_modulus: 3, viscosity: 0.3") for text in (PLANE, ALIGNED, SPACE)]
 MIXED = """mesh: {cells: [10, 14], upper: [2, 2.8]}
 flow: {density: 1, viscosity: 0.5, gravity: [0, -10], time: bdf2, solver: direct}
@@ -39,8 +40,8 @@ monitor: {energy: true}
 HELD = [text.replace("material: membrane", "material: membrane, global_area_modulus: 300") for text in (PLANE, ALIGNED, SPACE)]
 SCENES = pytest.mark.parametrize(
     "text",
-    [PLANE, ALIGNED, SPACE, *THICK, *HELD, MIXED],
-    ids=["plane", "aligned", "space", "plane-inner", "aligned-inner", "space-inner", "plane-held", "aligned-held", "space-held", "mixed"],
+    [PLANE, ALIGNED, SPACE, ROUND, *THICK, *HELD, MIXED],
+    ids=["plane", "aligned", "space", "space-aligned", "plane-inner", "aligned-inner", "space-inner", "plane-held", "aligned-held", "space-held", "mixed"],
 )
 VESICLE = """mesh: {cells: [16, 16], lower: [-2, -2], upper: [2, 2]}
 flow: {density: 1e-3, viscosity: 1, convection: false, time: bdf2, solver: direct}
@@ -125,7 +126,6 @@ def test_refusals(run, scene, options, message):
 @pytest.mark.parametrize(
     "options, message",
     [
-        (["-couple_method", "aligned"], "immerses them"),
         (["-particle_skin_shape", "torus", "-particle_skin_tube", "0.1"], "its own centroid"),
     ],
 )

@@ -8,8 +8,9 @@
 
 static const SolidMaterial MATERIALS[] = {{.law = SOLID_MEMBRANE_NEO_HOOKEAN, .mu = 1.3},
                                           {.law = SOLID_MEMBRANE_NEO_HOOKEAN, .mu = 1.3, .area = 0.8},
-                                          {.law = SOLID_MEMBRANE_SKALAK, .mu = 1.3, .area = 2.6}};
-#define NMATERIALS 3
+                                          {.law = SOLID_MEMBRANE_SKALAK, .mu = 1.3, .area = 2.6},
+                                          {.law = SOLID_MEMBRANE_ZERO_THICKNESS, .mu = 1.3}};
+#define NMATERIALS 4
 
 static void test_tangent(void **state)
 {
@@ -40,6 +41,9 @@ static void test_textbook(void **state)
     NEAR(P[1] * t / J, 1.3 / J * (t * t - 1 / (J * J)), 1e-13);
     (void)SolidLawStress(3, &MATERIALS[2], F, P, NULL);
     NEAR(P[4] * s / J, 1.3 / J * (s * s * (s * s - 1) + 2 * J * J * (J * J - 1)), 1e-13);
+    (void)SolidLawStress(3, &MATERIALS[3], F, P, NULL);
+    NEAR(P[4] * s / J, 1.3 / J * (s * s - 1 + PetscLogReal(J * J)), 1e-13);
+    NEAR(P[1] * t / J, 1.3 / J * (t * t - 1 + PetscLogReal(J * J)), 1e-13);
   }
   for (PetscInt m = 0; m < NMATERIALS; m++) {
     (void)SolidLawStress(3, &MATERIALS[m], rest, P, NULL);

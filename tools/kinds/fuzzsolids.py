@@ -17,6 +17,7 @@ WHOLE, HALVES = (0.25, 0.75), [(0.2, 0.4), (0.6, 0.8)]  # of the box along x, fo
 VOLUME = 0.03  # of an incompressible one, after the first steps of a scene that was drawn without regard to its step
 SPEED = 20  # times what stream and gravity can have made
 BOOKS = 0.05  # of what was lost
+AT_REST = 1e-5  # likewise, of what is stored, where nothing happens
 DOUBT = ("ends in doubt", "as far as a step stands", "comes closer than a cell")  # remarks by which a user is warned
 
 
@@ -170,7 +171,7 @@ def check_books(series):
     gone = change["energy_dissipated"] + change["energy_boundary"] + change["energy_scheme"]
     size = sum(abs(value) for value in change.values()) - abs(change["energy"])
     missing = abs(change["energy"] - change["energy_supplied"] - change["contact_work"] + gone)
-    return f"books of energy lack {missing / size:.2g} of what passed" if missing > BOOKS * size else ""
+    return f"books of energy lack {missing / size:.2g} of what passed" if missing > BOOKS * size + AT_REST * abs(last["energy"]) else ""
 
 
 def check_solids(run, scene, s):
