@@ -161,6 +161,10 @@ PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const Petsc
 PetscErrorCode FlowCountCellTerms(Flow, const void *owner, const PetscReal lumped[]);
 /* Force, integrated with the basis, [nnode_all][dim]: contributions of own cells; FlowRhs sums over ranks. Local. */
 PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
+/* *given [nnode_all][dim], to be freed: these forces less the products of the terms with u (synced), of all owners but
+   `except` (NULL: of all), contributions of own cells; NULL if there are none. Whoever sums residuals at nodes with a
+   prescribed velocity takes it from them. Local. */
+PetscErrorCode FlowGetGiven(Flow, const void *except, const PetscReal u[], PetscReal *given[]);
 
 /* Operator of all components, in products next to S for every component. */
 typedef struct {

@@ -39,6 +39,15 @@ PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleGetGiven(Couple c, PetscReal *given[])
+{
+  const void *own = c->method.table->penalty ? (*c->method.table->penalty)(c->method.data) : NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetGiven(c->flow, own, c->field.u, given));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
 {
   PetscFunctionBeginUser;

@@ -98,8 +98,7 @@ void DropsAddFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell, con
 void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell, const PetscReal xc[]);
 /* Slots of side e of a cell, first to last along it (in space a lattice of 3 x 3); how many there are */
 PetscInt DropsSideSlots(PetscInt dim, PetscInt e, PetscInt slot[]);
-/* Force of walls that drops wet on the fluids, of surface tension and friction: what of both acts on components that
-   are not prescribed. After the solve. Collective. */
+/* Force of walls that drops wet on the fluids, of surface tension and friction. After the solve. Collective. */
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[3]);
 /* Is there friction beside this cell? */
 PetscBool DropsHasFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell);

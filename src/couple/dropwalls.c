@@ -186,21 +186,18 @@ void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, const Petsc
 
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[3])
 {
-  const MeshLocal     *l   = c->loc;
-  const PetscInt       dim = l->dim, nb = l->nb;
-  const unsigned char *fixed;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
 
   PetscFunctionBeginUser;
   sum[0] = sum[1] = sum[2] = 0;
   if (!DropsWet(f->s)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  for (PetscInt i = 0; i < dim * l->nnode_all; i++)
-    if (!(fixed[i / dim] >> i % dim & 1)) sum[i % dim] += f->force[i];
+  for (PetscInt i = 0; i < dim * l->nnode_all; i++) sum[i % dim] += f->force[i];
   for (PetscInt t = 0; t < f->nterm; t++) {
     const PetscInt *node = l->cell_node + f->term_cell[t] * nb;
 
     for (PetscInt i = 0; i < dim * nb && f->term_cell[t] < l->ncell; i++)
-      for (PetscInt j = 0; j < nb && !(fixed[node[i / dim]] >> i % dim & 1); j++)
+      for (PetscInt j = 0; j < nb; j++)
         sum[i % dim] -= f->term[nb * (nb * t + i / dim) + j] * u[dim * node[j] + i % dim];
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)dim, MPIU_REAL, MPIU_SUM, c->comm));

@@ -297,7 +297,7 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
         e->load[k * dim + a] += w[(i - e->nodes[0]) * dim + a] * r[(i - e->nodes[0]) * dim + a];
   PetscCall(VecRestoreArrayRead(residual, &r));
   PetscCall(VecRestoreArrayRead(weight, &w));
-  if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, one, e->load);
+  if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, e->load);
   for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = body[i / dim] < 0 ? (1 - one[i]) * c->field.u[i] : 0;
   PetscCall(MatMult(e->P, free, weight));
   PetscCall(VecDot(residual, weight, &e->supplied));

@@ -187,8 +187,7 @@ PetscErrorCode ElasticInertiaAssemble(ElasticInertia *in, Flow flow, const FlowS
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const PetscReal u[], const PetscReal free[],
-                            PetscReal push[])
+void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const PetscReal u[], PetscReal push[])
 {
   const PetscInt nb = l->nb, dim = l->dim;
 
@@ -201,7 +200,7 @@ void ElasticInertiaAddForce(const ElasticInertia *in, const MeshLocal *l, const 
         PetscReal r = f[dim * i + a];
 
         for (PetscInt j = 0; j < nb; j++) r -= M[i * nb + j] * u[dim * node[j] + a];
-        push[in->solid[e] * dim + a] += free[node[i] * dim + a] * r;
+        push[in->solid[e] * dim + a] += r;
       }
   }
 }

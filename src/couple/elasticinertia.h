@@ -23,10 +23,8 @@ PetscErrorCode ElasticInertiaDestroy(ElasticInertia *);
    collective. */
 PetscErrorCode ElasticInertiaAssemble(ElasticInertia *, Flow, const FlowStep *, const SolidsState *,
                                       const PetscReal x[], const PetscInt cell_solid[], PetscReal lumped[]);
-/* push [solids][dim] += what it exerts on the flow whose velocity is u [nnode_all][dim], at nodes and components with
-   free [nnode_all][dim], own cells. Not collective. */
-void ElasticInertiaAddForce(const ElasticInertia *, const MeshLocal *, const PetscReal u[], const PetscReal free[],
-                            PetscReal push[]);
+/* push [solids][dim] += what it exerts on the flow whose velocity is u [nnode_all][dim], own cells. Not collective. */
+void ElasticInertiaAddForce(const ElasticInertia *, const MeshLocal *, const PetscReal u[], PetscReal push[]);
 /* Power, against velocity u, of what stands for own cells: *terms by their matrices, *force by the other side; flux
    [dim] = int u over them. Not collective. */
 PetscErrorCode ElasticInertiaPower(const ElasticInertia *, Mesh, const MeshLocal *, const PetscReal u[],

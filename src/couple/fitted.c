@@ -345,8 +345,29 @@ static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3],
-                           PetscReal (*torque)[3], PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
+/* To both forms what others give the nodes of the surface */
+static void add_given(Fitted h, const Surface *s, const PetscReal given[], PetscReal (*f)[3])
+{
+  const MeshLocal *l = h->loc;
+
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal arm[3] = {0, 0, 0}, pull[3] = {0, 0, 0};
+
+    if (h->on[i] != s->body) continue;
+    for (PetscInt d = 0; d < l->dim; d++) {
+      arm[d]  = MeshNearest(l, d, l->x[i * l->dim + d] - s->x[d]);
+      pull[d] = given[i * l->dim + d];
+    }
+    for (PetscInt form = 0; form < 4; form += 2) {
+      for (PetscInt d = 0; d < 3; d++) f[form][d] += pull[d];
+      add_moment(arm, pull, f[form + 1]);
+    }
+  }
+}
+
+PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], const PetscReal given[],
+                           PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal (*volume_force)[3],
+                           PetscReal (*volume_torque)[3])
 {
   const FlowParameters *par;
 
@@ -358,6 +379,7 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
     PetscReal      f[4][3] = {{0}};
 
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
+    if (given) add_given(h, s, given, f);
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, h->comm));
     for (PetscInt d = 0; d < 3 && k >= 0; d++) {
       if (!FlowHasSymmetricStress(h->flow)) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
@@ -383,14 +405,16 @@ static PetscErrorCode set_motion(Couple c, void *data)
 /* In place of what the rigid bodies gave them */
 static PetscErrorCode set_forces(Couple c, void *data)
 {
-  PetscReal(*force)[3], (*torque)[3];
+  PetscReal(*force)[3], (*torque)[3], *given;
 
   PetscFunctionBeginUser;
   (void)data;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
+  PetscCall(CoupleGetGiven(c, &given));
   if (c->force_form == FORCE_VOLUME)
-    PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, force, torque));
-  else PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, force, torque, NULL, NULL));
+    PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, given, NULL, NULL, force, torque));
+  else PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, given, force, torque, NULL, NULL));
+  PetscCall(PetscFree(given));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

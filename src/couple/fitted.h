@@ -24,7 +24,8 @@ PetscErrorCode FittedDestroy(Fitted *);
 /* [nnode_all] permanent number of the body on whose surface a node lies, or -1. Borrowed. */
 PetscErrorCode FittedGetNodeBody(Fitted, const PetscInt *node_body[]);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the
-   solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [n][3] of the known bodies, entries of
-   others untouched, either pair may be NULL. Collective. */
-PetscErrorCode FittedForce(Fitted, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3],
-                           PetscReal (*torque)[3], PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3]);
+   solution u [nnode_all][dim], p [own cells][dim + 1] of the step and what others give the nodes (FlowGetGiven; NULL:
+   nothing): arrays [n][3] of the known bodies, entries of others untouched, either pair may be NULL. Collective. */
+PetscErrorCode FittedForce(Fitted, const PetscReal u[], const PetscReal p[], const PetscReal given[],
+                           PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal (*volume_force)[3],
+                           PetscReal (*volume_torque)[3]);

@@ -11,7 +11,30 @@ enum {
   NOBODY = -2
 };
 
-/* -sum over the body's nodes of R^T (momentum residual), and the method's own terms, for all bodies: out [n][nr] */
+/* What does not stand in the residuals of cells, on the bodies of this rank: out [n][nr] += the method's own terms, and
+   what others give the bodies' nodes (buoyancy by scalars, tension of drops) */
+static PetscErrorCode add_given(Couple c, PetscReal out[])
+{
+  const PetscInt *body, nr = c->nr, dim = c->loc->dim;
+  PetscReal      *given;
+
+  PetscFunctionBeginUser;
+  if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
+  PetscCall(CoupleGetGiven(c, &given));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  for (PetscInt i = 0; i < c->loc->nnode_all && given; i++) {
+    PetscReal R[18];
+
+    if (body[i] < 0) continue;
+    PetscCall(ConstraintRigidMap(c->constraint, i, body[i], R));
+    for (PetscInt s = 0; s < nr; s++)
+      for (PetscInt a = 0; a < dim; a++) out[body[i] * nr + s] += R[a * nr + s] * given[i * dim + a];
+  }
+  PetscCall(PetscFree(given));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -sum over the body's nodes of R^T (momentum residual), and what add_given adds, for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
   const MeshLocal *l = c->loc;
@@ -40,7 +63,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
         for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
     }
   }
-  if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
+  PetscCall(add_given(c, out));
   PetscCall(BodiesSumLocal(c->bodies, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -124,7 +147,7 @@ static PetscErrorCode sum_residuals_on_device(Couple c, PetscReal out[])
   PetscCall(PetscFree(r));
   PetscCall(PetscFree2(cell, point));
   PetscCall(fetch_entries(c));
-  if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
+  PetscCall(add_given(c, out));
   PetscCall(BodiesSumLocal(c->bodies, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -174,19 +197,19 @@ static PetscErrorCode add_slots(Couple c, PetscInt k, const PetscReal f[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the penalty holds in cells that the surface cuts: alpha_k is one at the nodes held whole alone, well inside of
-   the body, and the stress there is the smaller part. Added to force and torque [n][3] before they are summed. */
-static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+/* What the stress does not hold, added to force and torque [n][3] before they are summed. The penalty in cells that the
+   surface cuts: alpha_k is one at the nodes held whole alone, well inside of the body, and the stress there is the
+   smaller part. */
+static PetscErrorCode add_other_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  PetscReal *penalty_force;
+  PetscReal *other;
 
   PetscFunctionBeginUser;
-  if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(c->s->n * c->nr, &penalty_force));
-  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, penalty_force));
+  PetscCall(PetscCalloc1(c->s->n * c->nr, &other));
+  PetscCall(add_given(c, other));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (only == EVERY || k == only) PetscCall(add_slots(c, k, penalty_force + k * c->nr, force[k], torque[k]));
-  PetscCall(PetscFree(penalty_force));
+    if (only == EVERY || k == only) PetscCall(add_slots(c, k, other + k * c->nr, force[k], torque[k]));
+  PetscCall(PetscFree(other));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -223,7 +246,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
     }
   }
   PetscCall(add_volume_force(c, only, force, torque));
-  PetscCall(add_penalty_force(c, only, force, torque));
+  PetscCall(add_other_force(c, only, force, torque));
   PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)force));
   PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)torque));
   for (PetscInt k = 0; k < c->s->n; k++) {
@@ -311,13 +334,14 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
                                 PetscReal volume[6])
 {
   const PetscInt local = BodiesFind(c->s, number), k = BodiesFindOwn(c->s, number);
-  PetscReal(*f)[3], (*torque)[3], slots[6], out[15] = {0}; /* of the owner */
+  PetscReal(*f)[3], (*torque)[3], *given, slots[6], out[15] = {0}; /* of the owner */
 
   PetscFunctionBeginUser;
   PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(PetscMalloc2(c->s->n, &f, c->s->n, &torque));
+  PetscCall(CoupleGetGiven(c, &given));
   PetscCall(integrate_stress(c, local >= 0 ? local : NOBODY, f, torque));
-  PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, f, torque));
+  PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, given, NULL, NULL, f, torque));
   for (PetscInt a = 0; a < 3 && k >= 0; a++) {
     out[a]      = c->s->force[k][a];
     out[9 + a]  = f[k][a];
@@ -326,7 +350,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
   PetscCall(sum_residuals(c, c->rigid.residual));
   if (k >= 0) PetscCall(residual_force(c, k, slots));
   if (k >= 0) PetscCall(store_force(c, k, slots, f, torque));
-  PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, f, torque, NULL, NULL));
+  PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, given, f, torque, NULL, NULL));
   for (PetscInt a = 0; a < 3 && k >= 0; a++) {
     out[3 + a] = f[k][a];
     out[6 + a] = torque[k][a];
@@ -337,5 +361,6 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
   PetscCall(PetscArraycpy(volume, out + 9, 6));
   if (c->loc->dim == 2) residual[2] = residual[3] = residual[4] = 0;
   PetscCall(PetscFree2(f, torque));
+  PetscCall(PetscFree(given));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -122,6 +122,8 @@ struct _p_Couple {
     if ((c)->participant[each].op->operation) \
   PetscCall((*(c)->participant[each].op->operation)((c), (c)->participant[each].data, ##__VA_ARGS__))
 
+/* FlowGetGiven of all but the boundary method, which tells of its own terms by itself: *given to be freed. Local. */
+PetscErrorCode CoupleGetGiven(Couple, PetscReal *given[]);
 /* Where sums of own bodies are added over the ranks: is this the one that begins with what all ranks have? */
 static inline PetscBool CoupleCountsFirst(Couple c)
 {

@@ -224,23 +224,16 @@ static PetscErrorCode measure(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Buoyancy on nodes that are not prescribed is a force on the fluid */
 static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  CoupleScalars        s   = (CoupleScalars)data;
-  const PetscInt       dim = c->loc->dim, *body;
-  const unsigned char *fixed;
-  PetscReal            sum[3] = {0, 0, 0};
+  CoupleScalars  s      = (CoupleScalars)data;
+  const PetscInt dim    = c->loc->dim;
+  PetscReal      sum[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   (void)d;
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  PetscCall(CoupleGetNodeBody(c, &body));
-  for (PetscInt i = 0; i < c->loc->nnode_all; i++)
-    for (PetscInt a = 0; a < dim; a++)
-      if (!((fixed[i] >> a) & 1) && (body[i] < 0 || BodiesIsFree(c->bodies, body[i], a)))
-        sum[a] += s->force[i * dim + a];
+  for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++) sum[i % dim] += s->force[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt a = 0; a < dim; a++) {
     b->others[a] += sum[a];

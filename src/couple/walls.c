@@ -92,6 +92,13 @@ static PetscErrorCode take_boundary(Couple c, Walls w)
 
 /* ---- momentum ---- */
 
+/* out [dim] = residual r at a node less what others give it there, which the first cell of the node takes */
+static void take_given(PetscInt dim, const PetscReal r[], PetscReal given[], PetscReal out[])
+{
+  for (PetscInt a = 0; a < dim; a++) out[a] = r[a] - (given ? given[a] : 0);
+  for (PetscInt a = 0; a < dim && given; a++) given[a] = 0;
+}
+
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
    and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured
    (in a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
@@ -102,7 +109,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   const BoundaryPoint *point;
   const PetscBool      there = FlowStaysOnDevice(c->flow);
   PetscInt             ncell, n, done = 0;
-  PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
+  PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3], r[3], *given;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
@@ -110,10 +117,11 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   PetscCall(BoundariesBegin(w->boundaries));
   PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &n, &point));
   if (there) PetscCall(take_boundary(c, w));
+  PetscCall(CoupleGetGiven(c, &given));
   for (const BoundaryPoint *at = point; at < point + n; at++) {
-    const PetscReal *u = c->field.u + at->node * dim, *r = there
-                                                           ? w->residual + (at - point) * dim
-                                                           : several + at->cell % FLOW_CELLS * nr + at->slot * dim;
+    const PetscReal *u  = c->field.u + at->node * dim;
+    const PetscReal *of = there ? w->residual + (at - point) * dim
+                                : several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
     if (at->cell == done && !there) {
       PetscCall(
@@ -121,6 +129,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
       done += FLOW_CELLS;
     }
     if (body[at->node] >= 0) continue;
+    take_given(dim, of, given ? given + at->node * dim : NULL, r);
     if (!at->fitted) PetscCall(BoundariesAdd(w->boundaries, at, r, c->field.p));
     for (PetscInt a = 0; a < dim; a++) {
       if (at->owner[a] < 0) continue;
@@ -135,6 +144,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
     PetscCall((*c->method.table->force)(c, c->method.data, fixed, sum));
   }
   PetscCall(BoundariesFinish(w->boundaries, c->field.u));
+  PetscCall(PetscFree(given));
   w->supplied = sum[7];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, c->comm));
   PetscCall(PetscArraycpy(walls, sum, 3));

@@ -115,6 +115,40 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* r -= terms u, cells of this rank */
+static void subtract_terms(const MeshLocal *l, const CellTerms *terms, const PetscReal u[], PetscReal r[])
+{
+  const PetscInt nb = l->nb, dim = l->dim;
+
+  for (PetscInt t = 0; t < terms->n; t++) {
+    const PetscInt  *node = l->cell_node + terms->cell[t] * nb;
+    const PetscReal *M    = terms->matrix + t * nb * nb;
+
+    if (terms->cell[t] >= l->ncell) continue;
+    for (PetscInt i = 0; i < nb * nb; i++)
+      for (PetscInt a = 0; a < dim; a++) r[dim * node[i / nb] + a] -= M[i] * u[dim * node[i % nb] + a];
+  }
+}
+
+PetscErrorCode FlowGetGiven(Flow f, const void *except, const PetscReal u[], PetscReal *given[])
+{
+  const Owners *o = &f->owners;
+  PetscInt      n = 0;
+
+  PetscFunctionBeginUser;
+  *given = NULL;
+  for (PetscInt i = 0; i < o->nforces; i++) n += o->forces[i].owner != except;
+  for (PetscInt i = 0; i < o->nterms; i++) n += o->terms[i].owner != except;
+  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, given));
+  for (PetscInt i = 0; i < o->nforces; i++)
+    for (PetscInt j = 0; j < f->loc->nnode_all * f->loc->dim && o->forces[i].owner != except; j++)
+      (*given)[j] += o->forces[i].f[j];
+  for (PetscInt i = 0; i < o->nterms; i++)
+    if (o->terms[i].owner != except) subtract_terms(f->loc, o->terms + i, u, *given);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What was made of it */
 static PetscErrorCode clear_operator(OwnedOperator *o)
 {

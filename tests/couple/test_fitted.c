@@ -48,7 +48,7 @@ static void test_torque_of_a_turning_disc(void **state)
     fill_field(c.l, couette, u);
     c.s->w[0][2] = W_IN;
     OK(FlowBeginStep(c.flow, 1e12, 1e12));
-    OK(FittedForce(hole, u, p, force, torque, volume_force, volume_torque));
+    OK(FittedForce(hole, u, p, NULL, force, torque, volume_force, volume_torque));
     error[level][0] = PetscAbsReal(torque[0][2] / want - 1);
     error[level][1] = PetscAbsReal(volume_torque[0][2] / want - 1);
     for (PetscInt d = 0; d < 2; d++) { /* by symmetry */

@@ -128,6 +128,8 @@ def test_contact_angle(drops, angle):
     assert last["wetted"] == pytest.approx(2 * radius * math.sin(theta), rel=1e-3)
     assert last["length"] == pytest.approx(2 * radius * theta, rel=1e-3)
     assert max(row["momentum_error"] for row in series) < 1e-8
+    # the interface pulls the wall up as the pressure in the drop pushes it down
+    assert abs(sum(series[-1][f"wall_force_{side}_y"] for side in ("left", "right", "bottom", "top"))) < 1e-3
 
 
 def test_slip_length(drops):
@@ -323,6 +325,13 @@ def test_floating_disc(run):
     assert depth == pytest.approx(0.187127, rel=0.015)  # study drops; set after 1 % was seen
     assert max(out.series["momentum_error"]) < 1e-12
     assert max(map(abs, out.drops["volume_error"])) < 2e-4 and max(map(abs, out.drops["volume_error"][2:])) < 1e-9
+
+
+def test_held_disc_feels_what_a_free_one_does(run):
+    """Gravity and tension at the nodes of a body that is held are part of its force: the balance of momentum closes."""
+    result = run([*FLOATS, "-output_dir", "out", "-sim_steps", "3", "-particle_disc_free", "none"])
+    assert result.status == 0, str(result)
+    assert max(tumble.open(result.folder / "out").series["momentum_error"]) < 1e-12
 
 
 @pytest.mark.parametrize("angle, wetted", [("90", 0), ("60", 0.5)])

@@ -71,6 +71,28 @@ def test_a_hot_disc_in_a_cold_square_heats_it(run, tmp_path):
     assert walls == pytest.approx(-float(row["scalar_bodies_heat"]), rel=1e-4)
 
 
+@pytest.mark.parametrize("method, most", [("nodal", 0.04), ("penalty", 0.03), ("aligned", 1e-4)])
+def test_a_disc_in_a_hot_fluid_is_pushed_as_archimedes_says(run, scene, tmp_path, method, most):
+    """As hot as the fluid all around, which buoyancy of 1 pulls up at rest: its pressure pushes the disc down by its area, the walls up by theirs."""
+    name = scene("""mesh: {cells: [16, 16]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -1]}
+scalars: heat
+scalar:
+  heat: {conductivity: 0.1, expansion: 1, initial: 1}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.2, position: [0.5, 0.5], free: none, heat: {condition: value, value: 1}}
+sim: {dt: 0.5, steps: 2}
+""")
+    result = run([name, "-output_dir", "out", "-couple_method", method])
+    assert result.status == 0, str(result)
+    with open(tmp_path / "out" / "bodies.csv") as file:
+        assert float(list(csv.DictReader(file))[-1]["force_y"]) == pytest.approx(-0.04 * math.pi, rel=most)
+    last = read_last(tmp_path / "out")
+    assert sum(float(last[f"wall_force_{side}_y"]) for side in ("left", "right", "bottom", "top")) == pytest.approx(1, abs=0.2 * most)
+    assert float(last["momentum_error"]) < 1e-12
+
+
 def test_the_heated_cavity_has_its_nusselt_number(run, tmp_path):
     """De Vahl Davis 1983: 1.118 at Ra 1e3, on both walls, and the balances close"""
     run([ROOT / "runs/heated-cavity.yaml", "-mesh_cells", "16,16", "-flow_viscosity", "0.0266458252", "-scalar_heat_conductivity", "0.0375293312", "-sim_dt", "1",
