@@ -327,11 +327,14 @@ def test_floating_disc(run):
     assert max(map(abs, out.drops["volume_error"])) < 2e-4 and max(map(abs, out.drops["volume_error"][2:])) < 1e-9
 
 
-def test_held_disc_feels_what_a_free_one_does(run):
-    """Gravity and tension at the nodes of a body that is held are part of its force: the balance of momentum closes."""
-    result = run([*FLOATS, "-output_dir", "out", "-sim_steps", "3", "-particle_disc_free", "none"])
+def test_pushed_disc_feels_what_a_free_one_does(run):
+    """Gravity and tension at the nodes of a body whose velocity is prescribed are part of its force: momentum and energy balance."""
+    result = run([*FLOATS, "-output_dir", "out", "-sim_steps", "4", "-sim_dt", "0.05", "-monitor_energy", "-particle_disc_free", "none", "-particle_disc_velocity", "0,-0.05"])
     assert result.status == 0, str(result)
-    assert max(tumble.open(result.folder / "out").series["momentum_error"]) < 1e-12
+    series = tumble.open(result.folder / "out").series
+    assert max(series["momentum_error"]) < 1e-12
+    spent = sum(sign * (series[f"energy_{part}"][-1] - series[f"energy_{part}"][0]) for part, sign in (("supplied", 1), ("dissipated", -1), ("boundary", -1), ("scheme", -1)))
+    assert spent == pytest.approx(series["energy"][-1] - series["energy"][0], rel=1e-3)
 
 
 @pytest.mark.parametrize("angle, wetted", [("90", 0), ("60", 0.5)])
