@@ -16,10 +16,12 @@ typedef struct {
 } PhasePoint;
 
 /* Something solid, on which interfaces end: signed distances d [n] of x [n][dim], negative inside, and the contact
-   angles inside drops of what is nearest (NULL: not wanted). */
+   angles inside drops of what is nearest (NULL: not wanted). level, asked in space: gradient of the sum of both
+   curvatures of a drop's interface where the fluids are at rest, positive where it bends outwards (NULL: none). */
 typedef struct {
   void     *ctx;
   PetscReal h;       /* a length, about a cell */
   PetscBool mirrors; /* walls are, that interfaces end on (in space) */
   PetscErrorCode (*distance)(void *ctx, PetscInt n, const PetscReal x[], PetscReal d[], PetscReal angle[]);
+  void (*level)(void *ctx, PetscInt drop, PetscReal gradient[3]);
 } PhaseSolid;

@@ -74,6 +74,17 @@ static PetscErrorCode distance(void *ctx, PetscInt n, const PetscReal x[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* At rest tension times curvature is the jump of the pressure, which changes with the weight */
+static void level(void *ctx, PetscInt drop, PetscReal gradient[3])
+{
+  const WettedBodies *s = (const WettedBodies *)ctx;
+  const DropsState   *d = s->f->s;
+  const DropGroup    *g = d->group + d->drop[DropsFind(d, drop)].group;
+
+  for (PetscInt a = 0; a < 3; a++)
+    gradient[a] = g->tension > 0 ? (s->c->par->density - g->density) * s->c->par->gravity[a] / g->tension : 0;
+}
+
 static PetscBool is_wetted(const CoupleDrops *f, Couple c, PetscInt k)
 {
   return (PetscBool)(c->s->own[k] && !c->s->removed[k] && f->angle[c->s->body_group[k]] > 0);
@@ -130,7 +141,7 @@ static PetscBool walls_mirror(const DropsState *s)
 PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 {
   WettedBodies s     = {.c = c, .f = f};
-  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .mirrors = walls_mirror(f->s), .distance = distance};
+  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .mirrors = walls_mirror(f->s), .distance = distance, .level = level};
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,9 +1,10 @@
 /* PhaseSheet, solids: how a sheet meets the surface of something solid (phase/sheet.h), as curves do in the plane
    (meet.c). Faces stay; their nodes inside of what is solid, and so far before it, are moved along the sheet's normal.
-   From every node around them that stays a line goes on smoothly and meets the surface at the contact angle; a moved
-   node goes onto the parabola that is nearest to both ends of these lines and to the normals there, near ones counting
-   most. Deep inside, where nothing is known, that flattens out. Walls that the sheet meets at a right angle are
-   mirrors: a node near them sees the images of all that. */
+   From every node around them that stays a line goes on smoothly and meets the surface at the contact angle, with
+   curvatures that change as in fluids at rest: where all is, a node stays where it is. A moved node goes onto the
+   parabola that is nearest to both ends of these lines and to the normals there, near ones counting most. Deep inside,
+   where nothing is known, that flattens out. Walls that the sheet meets at a right angle are mirrors: a node near them
+   sees the images of all that. */
 #include "compat.h"
 #include "phase/sheet.h"
 #include "base/algebra.h"
@@ -11,6 +12,7 @@
 
 #define DIFFER  1e-5 /* of a length: for normals of the surface */
 #define ROUNDS  40
+#define PASSES  3   /* times that lines are drawn, which know how the contact line bends */
 #define MOVES   4   /* times that nodes go to where the parabolas say, which know where they were */
 #define INWARD  0.2 /* cosine: so much towards the surface a line goes at nearest */
 #define STEEP   0.2 /* cosine between normals of the sheet: so little at least */
@@ -20,11 +22,15 @@
 #define FLATTER 1e-9 /* of the trace: curvature where points are in a row */
 #define NEAREST 1e-3 /* of squares of lengths, in weights, */
 #define NEAR    4    /* and their power: with 2 nodes are 3 to 8 times farther off (a ball of 4 faces a radius) */
+#define AROUND  0.5  /* in place of NEAREST for places that say how the surface bends */
+#define TURN    0.2  /* of the chord of a line, at most */
 #define MIRRORS 3    /* at most, no two across one axis */
 
 typedef struct {
   PetscReal x[3], n[3], d; /* a node that stays, the normal of what stays of the sheet there, how far it is outside */
   PetscReal c[3], m[3];    /* where its line meets the surface, normal of the sheet there */
+  PetscInt  drop;
+  PetscReal turn; /* of the line's chord, outwards */
 } Rim;
 
 typedef struct {
@@ -115,10 +121,11 @@ static PetscErrorCode find_rim(Meet *m)
 {
   const PhaseSheet *s = m->sheet;
   PetscBool        *beside;
+  PetscInt         *drop;
   PetscReal(*n)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(s->nnode, &beside, s->nnode, &n));
+  PetscCall(PetscCalloc3(s->nnode, &beside, s->nnode, &drop, s->nnode, &n));
   for (PetscInt e = 0; e < s->n; e++) {
     PetscBool touched = PETSC_FALSE;
 
@@ -126,6 +133,7 @@ static PetscErrorCode find_rim(Meet *m)
     for (PetscInt j = 0; j < 9 && !s->wall[e]; j++) {
       PetscReal more[3];
 
+      drop[s->node[e][j]] = s->drop[e];
       if (touched) beside[s->node[e][j]] = (PetscBool)!m->moves[s->node[e][j]];
       if (touched) continue;
       FaceNodeNormal(s->x[e], j, more);
@@ -139,20 +147,20 @@ static PetscErrorCode find_rim(Meet *m)
       if (m->fixed[i] >> a & 1) n[i][a] = 0;
     if (!beside[i] || dot3(n[i], n[i]) == 0) continue;
     normalise(n[i]);
-    *r = (Rim){.d = m->d[i]};
+    *r = (Rim){.d = m->d[i], .drop = drop[i]};
     for (PetscInt a = 0; a < 3; a++) {
       r->x[a] = m->x[i][a];
       r->n[a] = n[i][a];
     }
     m->nrim++;
   }
-  PetscCall(PetscFree2(beside, n));
+  PetscCall(PetscFree3(beside, drop, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- where they go ---- */
+/* ---- lines ---- */
 
-/* From a node that stays to the surface: a chord between its tangent and the one there, as in the plane */
+/* From a node that stays to the surface: a chord between its tangent and the one there, turned, as in the plane */
 static PetscErrorCode find_contact(const PhaseSolid *s, Rim *r)
 {
   PetscReal n[3], d, angle, t[3];
@@ -170,6 +178,7 @@ static PetscErrorCode find_contact(const PhaseSolid *s, Rim *r)
     across(n, r->m, own);
     for (PetscInt a = 0; a < 3; a++) e[a] = -t[a] - own[a];
     normalise(e);
+    for (PetscInt a = 0; a < 3; a++) e[a] += r->turn * (r->n[a] + r->m[a]) / 2;
     in = dot3(e, n);
     for (PetscInt a = 0; a < 3; a++) e[a] -= PetscMax(0, in + INWARD) * n[a];
     for (PetscInt i = 0; i < ROUNDS; i++) {
@@ -206,11 +215,13 @@ static void add_images(Meet *m)
   }
 }
 
-static PetscReal weight_of(const PetscReal y[3], const PetscReal p[3], PetscReal h)
+/* ---- parabolas ---- */
+
+static PetscReal weight_of(const PetscReal y[3], const PetscReal p[3], PetscReal h, PetscReal nearest)
 {
   const PetscReal way[3] = {(p[0] - y[0]) / h, (p[1] - y[1]) / h, (p[2] - y[2]) / h};
 
-  return 1 / PetscPowRealInt(dot3(way, way) + NEAREST, NEAR);
+  return 1 / PetscPowRealInt(dot3(way, way) + nearest, NEAR);
 }
 
 /* Least squares for a parabola over the plane through y with normal n: z = a0 + a1 u + a2 v + a3 u^2 + a4 u v + a5 v^2,
@@ -220,17 +231,16 @@ typedef struct {
   PetscReal A[36], b[6];
 } Parabola;
 
-static void begin_parabola(Parabola *f, const PetscReal y[3], const PetscReal n[3], PetscReal h)
+/* along: u goes there, as far as it is across n */
+static void begin_parabola(Parabola *f, const PetscReal y[3], const PetscReal n[3], const PetscReal along[3],
+                           PetscReal h)
 {
-  const PetscInt first   = PetscAbsReal(n[0]) < 0.6 ? 0 : 1;
-  PetscReal      axis[3] = {first == 0, first == 1, 0};
-
   *f = (Parabola){.h = h};
   for (PetscInt a = 0; a < 3; a++) {
     f->y[a]        = y[a];
     f->frame[2][a] = n[a];
   }
-  across(axis, n, f->frame[0]);
+  across(along, n, f->frame[0]);
   cross(n, f->frame[0], f->frame[1]);
 }
 
@@ -257,37 +267,90 @@ static PetscReal add_point(Parabola *f, PetscReal weight, const PetscReal p[3], 
   return r[2];
 }
 
-static PetscReal parabola_height(Parabola *f)
+static void solve_parabola(Parabola *f, PetscReal x[6])
 {
-  PetscReal inverse[36], x[6], trace = 0;
+  PetscReal inverse[36], trace = 0;
 
   for (PetscInt i = 0; i < 6; i++) trace += f->A[7 * i];
   for (PetscInt i = 3; i < 6; i++) f->A[7 * i] += FLATTER * trace;
   DenseInvert(6, f->A, inverse);
   DenseMultiply(6, inverse, PETSC_FALSE, f->b, x);
-  return x[0];
 }
+
+/* ---- how much the chord of a line is turned ---- */
+
+/* How much the sheet bends outwards across a line, at its end on the surface or at the other, by all such ends */
+static PetscReal bend_across(const Meet *m, const Rim *of, PetscBool end)
+{
+  const PetscReal h = m->solid->h, *y = end ? of->c : of->x;
+  PetscReal       way[3], x[6];
+  Parabola        f;
+
+  for (PetscInt a = 0; a < 3; a++) way[a] = of->c[a] - of->x[a];
+  begin_parabola(&f, y, end ? of->m : of->n, way, h);
+  for (PetscInt k = 0; k < m->nrim; k++) {
+    const Rim       *r = m->rim + k;
+    const PetscReal *p = end ? r->c : r->x;
+
+    (void)add_point(&f, weight_of(y, p, h, AROUND), p, end ? r->m : r->n);
+  }
+  solve_parabola(&f, x);
+  return 2 * x[5] / h;
+}
+
+/* The curvature along a line changes evenly from end to end: as both curvatures do together at rest, less what that
+   across it does */
+static void find_turn(const Meet *m, Rim *r)
+{
+  const PetscReal way[3] = {r->c[0] - r->x[0], r->c[1] - r->x[1], r->c[2] - r->x[2]},
+                  length = PetscSqrtReal(dot3(way, way));
+  PetscReal gradient[3]  = {0}, change;
+
+  if (length < CLOSE * m->solid->h) return;
+  if (m->solid->level) (*m->solid->level)(m->solid->ctx, r->drop, gradient);
+  change  = dot3(gradient, way) - bend_across(m, r, PETSC_TRUE) + bend_across(m, r, PETSC_FALSE);
+  r->turn = PetscMax(-TURN, PetscMin(TURN, -change * length / 12));
+}
+
+/* Lines from all nodes that stay, and their images */
+static PetscErrorCode find_lines(Meet *m)
+{
+  const PetscInt n = m->nrim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt pass = 0; pass < PASSES; pass++) {
+    for (PetscInt k = 0; k < n && pass; k++) find_turn(m, m->rim + k);
+    m->nrim = n;
+    for (PetscInt k = 0; k < n; k++) PetscCall(find_contact(m->solid, m->rim + k));
+    add_images(m);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- where nodes go ---- */
 
 static void move_node(const Meet *m, PetscInt i)
 {
   const PetscReal h = m->solid->h, d = m->d[i], deep = PetscMax(0, -d / h - KEEPS) / FADES;
-  PetscReal       n[3] = {0}, contact = 0, sum = 0, up, *x = m->x[i];
+  PetscReal       n[3] = {0}, contact = 0, sum = 0, up, *x = m->x[i], axis[3] = {0}, height[6];
   Parabola        f;
 
   for (PetscInt k = 0; k < m->nrim; k++)
-    for (PetscInt a = 0; a < 3; a++) n[a] += weight_of(x, m->rim[k].x, h) * m->rim[k].n[a];
+    for (PetscInt a = 0; a < 3; a++) n[a] += weight_of(x, m->rim[k].x, h, NEAREST) * m->rim[k].n[a];
   normalise(n);
-  begin_parabola(&f, x, n, h);
+  axis[PetscAbsReal(n[0]) < 0.6 ? 0 : 1] = 1;
+  begin_parabola(&f, x, n, axis, h);
   for (PetscInt k = 0; k < m->nrim; k++) {
     const Rim      *r = m->rim + k;
-    const PetscReal v = weight_of(x, r->c, h);
+    const PetscReal v = weight_of(x, r->c, h, NEAREST);
 
-    (void)add_point(&f, weight_of(x, r->x, h), r->x, r->n);
+    (void)add_point(&f, weight_of(x, r->x, h, NEAREST), r->x, r->n);
     contact += v * add_point(&f, v, r->c, r->m);
     sum += v;
   }
   contact /= sum;
-  up = h * (contact + (parabola_height(&f) - contact) / (1 + deep * deep));
+  solve_parabola(&f, height);
+  up = h * (contact + (height[0] - contact) / (1 + deep * deep));
   PhaseSheetSlide(m->fixed[i], n);
   for (PetscInt a = 0; a < 3; a++) x[a] += up * n[a];
 }
@@ -306,8 +369,7 @@ PetscErrorCode PhaseSheetMeet(PhaseSheet *s, const PhaseSolid *solid)
   find_mirrors(&m);
   PetscCall(PetscMalloc1(s->nnode << m.nmirror, &m.rim));
   if (any) PetscCall(find_rim(&m));
-  for (PetscInt k = 0; k < m.nrim; k++) PetscCall(find_contact(solid, m.rim + k));
-  add_images(&m);
+  PetscCall(find_lines(&m));
   for (PetscInt round = 0; round < MOVES && m.nrim; round++) {
     for (PetscInt i = 0; i < s->nnode; i++)
       if (m.moves[i]) move_node(&m, i);
