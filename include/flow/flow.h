@@ -120,8 +120,9 @@ PetscErrorCode FlowForgetHistory(Flow);
    Local. */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* The nodes have come to their positions x^{n+1} at the end of the step with the velocity v = c_t x^{n+1} - d(x),
-   [nnode_all][dim] (borrowed until the next call): README, "Meshes that move". After FlowBeginStep, in every step once
-   it was called. Errors: schemes other than be and bdf2, no convection, skew form, quadratic extrapolation. Local. */
+   [nnode_all][dim] (borrowed until the next call or FlowRemesh): README, "Meshes that move". After FlowBeginStep, in
+   every step once it was called. Errors: schemes other than be and bdf2, no convection, skew form, quadratic
+   extrapolation. Local. */
 PetscErrorCode FlowSetMeshVelocity(Flow, const PetscReal v[]);
 /* Velocity of the nodes in this step, NULL: they do not move. Borrowed. Local. */
 PetscErrorCode FlowGetMeshVelocity(Flow, const PetscReal *v[]);

@@ -1,5 +1,6 @@
 /* PhaseInterface: the interface of all drops, curves in the plane or surfaces in space; one of the two is empty. */
 #pragma once
+#include "base/state.h"
 #include "phase/curve.h"
 #include "phase/sheet.h"
 
@@ -20,6 +21,10 @@ static inline PetscErrorCode PhaseInterfaceDestroy(PhaseInterface *f)
   PetscCall(PhaseSheetDestroy(&f->sheet));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+/* interface.c. A new one that is the same. */
+PetscErrorCode PhaseInterfaceCopy(const PhaseInterface *from, PhaseInterface *to);
+/* That of a checkpoint. Collective. */
+PetscErrorCode PhaseInterfaceVisit(State, PetscInt dim, PhaseInterface *);
 /* As the functions of PhaseCurve and PhaseSheet */
 static inline void PhaseInterfaceUpdate(PhaseInterface *f)
 {

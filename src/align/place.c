@@ -100,7 +100,7 @@ static PetscInt ring_around(Align s, PetscInt i, PetscInt ring)
   return best ? best + 1 : 0;
 }
 
-/* Vertices that the outermost ring leaves where they are: those of cells with nodes of a larger one */
+/* Vertices that all rings but the first leave where they are: those of cells with nodes of a larger one */
 static PetscBool is_beside_jump(Align s, PetscInt i)
 {
   const MeshLocal *l = s->loc;
@@ -133,7 +133,7 @@ PetscErrorCode AlignFindRings(Align s)
           const PetscInt i = AlignCellNodes(s, l->node_cell[e])[CORNER[v]];
 
           if (i >= l->nnode || s->level[i] || s->grid.held[i] || is_inactive(s, i) ||
-              (ring == ALIGN_RINGS && is_beside_jump(s, i)))
+              (ring > 1 && is_beside_jump(s, i)))
             continue;
           if (s->grid.side[i] && AlignIsBarred(s, i, ring_around(s, i, ring - 1) / 8)) continue;
           s->level[i] = ring_around(s, i, ring - 1);

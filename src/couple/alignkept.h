@@ -1,6 +1,7 @@
 /* AlignKept: a mesh that was lined up with surfaces, when its cells are made anew (mesh/carry.h): what it was, and the
    velocities there, until the new mesh is lined up for the first time. Nodes that this moves, or where the old mesh
-   was lined up, take their values from there; elsewhere the flow has brought them over. For aligned.h. */
+   was lined up, take their values from there; elsewhere the flow has brought them over. For aligned.h and
+   dropremesh.c. */
 #pragma once
 #include "align/align.h"
 #include "aligntargets.h"

@@ -224,6 +224,7 @@ static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowForgetHistory(c->flow));
+  if (f->kept) PetscFunctionReturn(PETSC_SUCCESS); /* between two steps */
   PetscCall(FlowBeginStep(c->flow, c->step->time, c->step->dt));
   for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) f->velocity[i] = c->step->d0 * f->shift[i];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -253,8 +254,7 @@ PetscErrorCode DropsName(CoupleDrops *f, Couple c, PetscInt n, const PhaseInterf
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Which drops the parts of the new mesh are */
-static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
+PetscErrorCode DropsNameCells(CoupleDrops *f, Couple c)
 {
   PetscInt      *part, n, *number;
   PhaseInterface now;
@@ -272,7 +272,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode fit(CoupleDrops *f, Couple c)
+PetscErrorCode DropsLineUp(CoupleDrops *f, Couple c)
 {
   const PetscBool wanted[1]  = {PETSC_TRUE};
   PetscBool       aligned[1] = {PETSC_FALSE};
@@ -296,7 +296,7 @@ PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
   PetscReal         *value = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(fit(f, c));
+  PetscCall(DropsLineUp(f, c));
   PetscCall(MeshUpdateBegin(c->mesh_update, r->ncell, r->cell, NULL));
   PetscCall(DropsCarry(f, c, &n, &node, &value));
   PetscCall(MeshUpdateCommit(c->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
@@ -307,7 +307,7 @@ PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
                                                                .value    = value}));
   PetscCall(PetscFree2(node, value));
   ConstraintMoveNodes(c->constraint);
-  PetscCall(name_drops(f, c));
+  PetscCall(DropsNameCells(f, c));
   PetscCall(DropsSetProperties(f, c));
   PetscCall(FlowSetMeshVelocity(c->flow, f->velocity));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -318,7 +318,7 @@ PetscErrorCode DropsRestoreMesh(CoupleDrops *f, Couple c)
   const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
-  PetscCall(fit(f, c));
+  PetscCall(DropsLineUp(f, c));
   PetscCall(MeshUpdateRestore(c->mesh_update, r->ncell, r->cell,
                               &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -5,12 +5,18 @@
 #include "impl.h"
 #include "base/sparse.h"
 
-/* The cell beyond the side of cell c with middle node i, -1: none */
-static PetscInt beyond(const MeshLocal *l, PetscInt c, PetscInt i)
+/* The smallest label >= 0 of the cells around the middle node i of a side: those on both its sides, of several sizes
+   where levels of the mesh jump */
+static PetscReal smallest_around(const MeshLocal *l, PetscInt i, const PetscReal label[])
 {
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    if (l->node_cell[q] != c) return l->node_cell[q];
-  return -1;
+  PetscReal smallest = PETSC_MAX_REAL;
+
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+    const PetscReal v = label[l->cell_node[l->node_cell[q] * l->nb + l->nb / 2]];
+
+    if (v >= 0) smallest = PetscMin(smallest, v);
+  }
+  return smallest;
 }
 
 /* Until nothing changes on this rank */
@@ -25,10 +31,9 @@ static PetscBool spread(const MeshLocal *l, PetscReal label[])
       const PetscInt *node = l->cell_node + c * l->nb;
 
       for (PetscInt e = 0; e < 2 * l->dim && label[node[middle]] >= 0; e++) {
-        const PetscInt  other = beyond(l, c, node[middle + (e % 2 ? 1 : -1) * axes[e / 2]]);
-        const PetscReal v     = other < 0 ? -1 : label[l->cell_node[other * l->nb + middle]];
+        const PetscReal v = smallest_around(l, node[middle + (e % 2 ? 1 : -1) * axes[e / 2]], label);
 
-        if (v < 0 || v >= label[node[middle]]) continue;
+        if (v >= label[node[middle]]) continue;
         label[node[middle]] = v;
         again = any = PETSC_TRUE;
       }

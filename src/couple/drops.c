@@ -35,11 +35,6 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   const PetscInt n = c->loc->dim * c->loc->nnode_all, ncell = c->loc->ncell_all;
 
   PetscFunctionBeginUser;
-  PetscCheck(!old, c->comm, PETSC_ERR_SUP,
-             "Drops on a mesh whose cells are rebuilt are not possible yet: remove -mesh_track and -mesh_adapt");
-  PetscCheck(c->loc->dim == 2 || !c->loc->hang, c->comm, PETSC_ERR_SUP,
-             "Drops in space on cells of several sizes are not possible yet: remove -mesh_levels, and take smaller cells (-mesh_cells) or "
-             "-mesh_focus");
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
   PetscCall(
     PetscCalloc6(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force, n / c->loc->dim, &f->weight));
@@ -60,8 +55,16 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
   if (!f->regular) PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(c->mesh, &f->remap));
+  if (old) PetscCall(DropsArrive(f, c, old));
   PetscCall(DropsSetProperties(f, c)); /* the solver is to know that there are viscosities */
   PetscCall(CoupleRenewSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode keep_of_mesh(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsKeepMesh((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -198,50 +201,17 @@ static PetscErrorCode solved(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The curve that the mesh is lined up with, nodes of an edge after those of another */
-static PetscErrorCode visit_curve(State state, PhaseCurve *curve)
-{
-  PetscInt   n = curve->n, *link; /* [n][3] */
-  PhaseCurve c = *curve;
-
-  PetscFunctionBeginUser;
-  PetscCall(StateInts(state, "drops_edges", 1, &n));
-  if (StateIsLoading(state)) PetscCall(PhaseCurveCreate(n, &c));
-  PetscCall(PetscMalloc1(3 * n, &link));
-  for (PetscInt e = 0; e < n; e++) {
-    link[3 * e]     = c.next[e];
-    link[3 * e + 1] = c.drop[e];
-    link[3 * e + 2] = c.wall[e];
-  }
-  PetscCall(StateReals(state, "drops_curve", 6 * n, (PetscReal *)c.x));
-  PetscCall(StateInts(state, "drops_links", 3 * n, link));
-  for (PetscInt e = 0; e < n && StateIsLoading(state); e++) {
-    c.next[e]           = link[3 * e];
-    c.before[c.next[e]] = e;
-    c.drop[e]           = link[3 * e + 1];
-    c.wall[e]           = (PetscBool)link[3 * e + 2];
-  }
-  PetscCall(PetscFree(link));
-  if (StateIsLoading(state)) {
-    PhaseCurveLink(&c);
-    PetscCall(PhaseCurveDestroy(curve));
-    *curve = c;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode visit(Couple c, void *data, State state)
 {
   CoupleDrops   *f   = (CoupleDrops *)data;
   const PetscInt dim = c->loc->dim, nb = c->loc->nb;
-  PetscReal     *drop;
+  PetscReal     *drop, *u;
   PetscInt       first = f->first_order, lined_up = f->lined_up;
 
   PetscFunctionBeginUser;
   PetscCall(DropsVisitState(f->drops, state));
   PetscCall(DropsVisitBodies(f, state));
-  if (dim == 2) PetscCall(visit_curve(state, &f->interface.curve));
-  else PetscCall(DropsVisitSheet(state, &f->interface.sheet));
+  PetscCall(PhaseInterfaceVisit(state, dim, &f->interface));
   PetscCall(StateInts(state, "drops_first_order", 1, &first));
   PetscCall(StateInts(state, "drops_lined_up", 1, &lined_up));
   f->first_order = (PetscBool)first;
@@ -264,6 +234,8 @@ static PetscErrorCode visit(Couple c, void *data, State state)
     }
     if (f->regular) PetscCall(DropsFindFractions(f, c));
     else PetscCall(DropsRestoreMesh(f, c));
+    PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
+    PetscCall(DropsMeasure(f, c, u));
     PetscCall(DropsSetProperties(f, c));
     PetscCall(CoupleNeedsSolver(c));
   }
@@ -279,21 +251,22 @@ static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CoupleParticipant DROPS = {.name         = "drops",
-                                        .begin        = predict,
-                                        .prepare      = take_bodies,
-                                        .rows         = assemble,
-                                        .solved       = solved,
-                                        .force        = add_forces,
-                                        .balance      = balance,
-                                        .energy       = add_energy,
-                                        .losses       = add_losses,
-                                        .limit        = limit,
-                                        .discard      = discard,
-                                        .after_remesh = make_on_mesh,
-                                        .visit        = visit,
-                                        .view         = view,
-                                        .destroy      = destroy};
+static const CoupleParticipant DROPS = {.name          = "drops",
+                                        .begin         = predict,
+                                        .prepare       = take_bodies,
+                                        .rows          = assemble,
+                                        .solved        = solved,
+                                        .force         = add_forces,
+                                        .balance       = balance,
+                                        .energy        = add_energy,
+                                        .losses        = add_losses,
+                                        .limit         = limit,
+                                        .before_remesh = keep_of_mesh,
+                                        .discard       = discard,
+                                        .after_remesh  = make_on_mesh,
+                                        .visit         = visit,
+                                        .view          = view,
+                                        .destroy       = destroy};
 
 /* Scalars know the groups as materials */
 static PetscErrorCode add_phases(const CoupleDrops *f, Couple c)

@@ -18,6 +18,7 @@
    the step adds: theta dt sigma (grad_s (u - u*), grad_s v) (Baensch 2001), which has no limit of stability. */
 #pragma once
 #include "align/align.h"
+#include "alignkept.h"
 #include "couple/couple.h"
 #include "mesh/remap.h"
 #include "phase/drops.h"
@@ -60,6 +61,7 @@ typedef struct CoupleDrops {
   PetscReal *weight;                /* [nnode_all] diagonal of the terms */
   PetscInt   nterm, term_capacity, *term_cell;
   PetscReal *term; /* [nterm][nb][nb] */
+  AlignKept *kept; /* from DropsKeepMesh to DropsArrive: velocities of two times, corr, shift; else NULL */
 } CoupleDrops;
 
 /* dropenergy.c. What viscosity takes, of all cells, and what is the scheme's of the work of tension. After the solve.
@@ -133,6 +135,9 @@ PetscErrorCode DropsAlign(CoupleDrops *, Couple);
 /* n parts of the interface `now`, whose pieces have their numbers in place of a drop's: which drops they are, number
    [n]; after events the step begins anew. Collective. Error: there is none any more. */
 PetscErrorCode DropsName(CoupleDrops *, Couple, PetscInt n, const PhaseInterface *now, PetscInt number[]);
+/* The mesh is lined up with f->interface, which moves no node yet; its cells' drops when they have. Collective. */
+PetscErrorCode DropsLineUp(CoupleDrops *, Couple);
+PetscErrorCode DropsNameCells(CoupleDrops *, Couple);
 /* dropregular.c, in place of DropsAlign: the curve drawn anew, its drops, what of cells they are. Collective. */
 PetscErrorCode DropsRegularise(CoupleDrops *, Couple);
 /* Fractions of cells, and those near the interface, of the interface as it is. Not collective. */
@@ -158,8 +163,6 @@ PetscErrorCode DropsGather(CoupleDrops *, Couple, const PetscInt cell_drop[], co
 PetscErrorCode DropsGatherSheet(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseSheet *);
 /* K [9][9] = sigma (grad_s phi_i, grad_s phi_j) over a face with nodes x */
 void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9]);
-/* The sheet of the checkpoint. Collective. */
-PetscErrorCode DropsVisitSheet(State, PhaseSheet *);
 /* dropleave.c. Name of the opening that the whole side 2 axis + (upper one) is, NULL: it is none; *out: fluid goes out
    there at x. Collective. */
 PetscErrorCode DropsFindOpening(Couple, PetscInt side, const PetscReal x[3], const char **name, PetscBool *out);
@@ -182,5 +185,12 @@ PetscErrorCode DropsFindParts(Couple, const PetscInt cell_surface[], PetscInt pa
 PetscErrorCode DropsCarry(CoupleDrops *, Couple, PetscInt *n, PetscInt *node[], PetscReal *value[]);
 /* droptension.c. Matrix and force of the surface tension, given to the flow. */
 PetscErrorCode DropsAssemble(CoupleDrops *, Couple);
-/* What the step of velocities u adds, and the sums of all drops at its end. Collective. */
+/* The interface at the end of the step of velocities u, and the sums of all drops there. Collective. */
+PetscErrorCode DropsMeasure(CoupleDrops *, Couple, const PetscReal u[]);
+/* What such a step adds, and DropsMeasure. Collective. */
 PetscErrorCode DropsAccept(CoupleDrops *, Couple, const PetscReal u[]);
+/* dropremesh.c. Before cells are rebuilt: what goes over to the new mesh. Then the new mesh, which may stand anywhere
+   else, is lined up with the interface as it was and has its old velocities. Collective. Error: what such meshes do not
+   work with. */
+PetscErrorCode DropsKeepMesh(CoupleDrops *, Couple);
+PetscErrorCode DropsArrive(CoupleDrops *, Couple, Mesh *old);

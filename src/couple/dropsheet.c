@@ -79,27 +79,3 @@ void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9])
                         g[1] * (dphi[i][0] * dphi[j][1] + dphi[i][1] * dphi[j][0]));
   }
 }
-
-PetscErrorCode DropsVisitSheet(State state, PhaseSheet *sheet)
-{
-  PetscInt   n[3] = {sheet->n, sheet->nnode, sheet->npart}, *wall;
-  PhaseSheet s    = *sheet;
-
-  PetscFunctionBeginUser;
-  PetscCall(StateInts(state, "drops_faces", 3, n));
-  if (StateIsLoading(state)) PetscCall(PhaseSheetCreate(n[0], n[1], n[2], &s));
-  PetscCall(StateReals(state, "drops_sheet", 27 * n[0], (PetscReal *)s.x));
-  PetscCall(StateInts(state, "drops_nodes", 9 * n[0], (PetscInt *)s.node));
-  PetscCall(StateInts(state, "drops_numbers", n[0], s.drop));
-  PetscCall(StateInts(state, "drops_parts", n[0], s.part));
-  PetscCall(PetscMalloc1(n[0], &wall));
-  for (PetscInt e = 0; e < n[0]; e++) wall[e] = s.wall[e];
-  PetscCall(StateInts(state, "drops_walls", n[0], wall));
-  for (PetscInt e = 0; e < n[0]; e++) s.wall[e] = (PetscBool)wall[e];
-  PetscCall(PetscFree(wall));
-  if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
-  PhaseSheetUpdate(&s);
-  PetscCall(PhaseSheetDestroy(sheet));
-  *sheet = s;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}

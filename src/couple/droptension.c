@@ -184,33 +184,29 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
-    PetscReal      xc[3 * MESH_MAX_NB];
+    PetscReal      xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB];
 
     if (k < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
+    for (PetscInt j = 0; j < dim * nb; j++) v[j] = u[dim * l->cell_node[nb * e + j / dim] + j % dim];
+    MeshCellGather(l, e, dim, v);
     for (PetscInt q = 0; q < nb; q++) {
       PetscReal       phi[MESH_MAX_NB];
       const PetscReal w = ElementGaussPoint(dim, xc, q, phi) * (f->fraction ? f->fraction[e] : 1);
 
       sum[4 * k] += w;
-      for (PetscInt j = 0; j < dim * nb; j++)
-        sum[4 * k + 1 + j % dim] += w * phi[j / dim] * u[dim * l->cell_node[nb * e + j / dim] + j % dim];
+      for (PetscInt j = 0; j < dim * nb; j++) sum[4 * k + 1 + j % dim] += w * phi[j / dim] * v[j];
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)(4 * f->s->n), MPIU_REAL, MPIU_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
+PetscErrorCode DropsMeasure(CoupleDrops *f, Couple c, const PetscReal u[])
 {
-  const FlowStep *s     = c->step;
-  const PetscReal theta = DropsTheta(s) * s->dt;
-  PetscReal      *now, *old, *sum;
+  PetscReal *sum;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(c->flow, &now, &old, NULL));
-  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++)
-    f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
   PetscCall(PhaseInterfaceDestroy(&f->s->interface));
   PetscCall(DropsGather(f, c, f->cell_drop, f->corr, &f->s->interface));
   PetscCall(DropsKeepVolumes(f, c, &f->s->interface, &f->s->shift));
@@ -225,7 +221,21 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
     for (PetscInt a = 0; a < 3; a++) d->flux[a] = sum[4 * k + 1 + a];
   }
   if (f->regular) PetscCall(DropsMeanVelocities(f, c, u));
-  f->first_order = (PetscBool)(s->order == 1);
   PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
+{
+  const FlowStep *s     = c->step;
+  const PetscReal theta = DropsTheta(s) * s->dt;
+  PetscReal      *now, *old;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &now, &old, NULL));
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++)
+    f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
+  PetscCall(DropsMeasure(f, c, u));
+  f->first_order = (PetscBool)(s->order == 1);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

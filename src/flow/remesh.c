@@ -27,9 +27,10 @@ PetscErrorCode FlowCreateComponents(Flow f)
   f->matrix.current   = PETSC_FALSE;
   if (f->matrix.free) PetscCall(FlowCreateProduct(f));
   else PetscCall(FlowCreateMatrix(f));
-  f->matrix.ct  = 0;
-  f->owners     = (Owners){0};
-  f->properties = (Properties){0};
+  f->matrix.ct     = 0;
+  f->mesh_velocity = NULL;
+  f->owners        = (Owners){0};
+  f->properties    = (Properties){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -88,7 +88,7 @@ static const OptSpec SPECS[] = {
   {"-mesh_refine", OPT_STRINGS, "", OPT_ANY, "bodies",
    .help = "where: around bodies, by an expression, and in boxes of these names", .when = "-mesh_levels"},
   {"-mesh_refine_distance", OPT_REAL, "", 0.7, 1000,
-   "3; -mesh_track in 3D: 1.5 with penalty (preset accurate: 3), 4 with aligned", .old = "-mesh_band",
+   "3; -mesh_track in 3D: 1.5 with penalty (preset accurate, drops: 3), 4 with aligned", .old = "-mesh_band",
    .help = "a cell is halved if its centre is closer to a surface than this many of its sides", .when = "-mesh_levels"},
   {"-mesh_distance", OPT_REALS, "length", OPT_ANY, "",
    .help = "signed distance of a point to the region to refine, negative inside: a formula with slope at most 1",

@@ -162,6 +162,7 @@ PetscErrorCode BodyDistanceAt(void *ctx, const PetscReal x[3], PetscReal reach, 
 
   PetscFunctionBeginUser;
   *d = PETSC_MAX_REAL;
+  if (s->drops) PetscCall(DropDistanceAt(s->drops, x, reach, s->margin, d));
   if (n <= FEW) {
     for (PetscInt k = 0; k < n; k++) PetscCall(try_body(s, k, x, reach, d));
     PetscFunctionReturn(PETSC_SUCCESS);

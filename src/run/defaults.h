@@ -13,6 +13,6 @@
    or two of a time step, in a steady scene. */
 PetscErrorCode DefaultsApply(Mesh, Bodies, Solids, Drops, PetscBool steady, char refusal[], size_t len);
 /* Before a mesh is made whose cells follow bodies that move: -mesh_refine_distance, in space under a penalty as narrow
-   as these need it (runs/studies/refinement, "How wide a band"); elsewhere, where less was measured or far fields of
-   the plane ask for more, the mesh's own. Collective. */
-PetscErrorCode DefaultsSetBand(PetscInt dim);
+   as these need it, but for drops (runs/studies/refinement, "How wide a band"); elsewhere, where less was measured or
+   far fields of the plane ask for more, the mesh's own. Collective. */
+PetscErrorCode DefaultsSetBand(PetscInt dim, PetscBool drops);

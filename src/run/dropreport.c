@@ -32,20 +32,22 @@ struct _p_DropReport {
   DropsState *s;
   Monitor     monitor;
   PetscMPIInt rank;
-  PetscInt    dim, ncell, *phase;
-  PetscInt    column[NCOLUMN];
-  PetscReal   worst; /* error of a volume so far */
-  PetscBool   opened, remarked;
-  PetscInt    events, event; /* so far; step of the last one */
-  EventTable  table;
-  char        dir[PETSC_MAX_PATH_LEN];
+  PetscInt    dim, ncell, *phase; /* [ncell] own cells */
+  Fields      fields;
+
+  const MeshLocal *loc;
+  PetscInt         column[NCOLUMN];
+  PetscReal        worst; /* error of a volume so far */
+  PetscBool        opened, remarked;
+  PetscInt         events, event; /* so far; step of the last one */
+  EventTable       table;
+  char             dir[PETSC_MAX_PATH_LEN];
 };
 
 PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
 {
-  DropReport       r;
-  const MeshLocal *l;
-  const char      *dir;
+  DropReport  r;
+  const char *dir;
 
   PetscFunctionBeginUser;
   *report = NULL;
@@ -58,11 +60,10 @@ PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
   for (PetscInt i = 0; i < NCOLUMN; i++) PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &r->column[i]));
   PetscCall(FieldsGetDirectory(sim->fields, &dir));
   PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
-  PetscCall(MeshGetLocal(sim->mesh, &l));
-  r->dim   = l->dim;
-  r->ncell = l->ncell; /* for good, see couple/drops.c */
-  PetscCall(PetscCalloc1(r->ncell, &r->phase));
-  PetscCall(FieldsSetPhase(sim->fields, r->phase));
+  PetscCall(MeshGetLocal(sim->mesh, &r->loc));
+  r->dim    = r->loc->dim;
+  r->fields = sim->fields;
+  PetscCall(DropReportMarkCells(r));
   PetscCall(MonitorAddFile(sim->monitor, "drops.csv"));
   *report = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -102,9 +103,18 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
   (void)fprintf(file, "%.9g,%.9g,%.12g\n", (double)deformation, (double)angle, (double)s->wet);
 }
 
-void DropReportMarkCells(DropReport r)
+PetscErrorCode DropReportMarkCells(DropReport r)
 {
-  if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r->phase || r->ncell != r->loc->ncell) { /* cells may be rebuilt */
+    PetscCall(PetscFree(r->phase));
+    r->ncell = r->loc->ncell;
+    PetscCall(PetscCalloc1(r->ncell, &r->phase));
+    PetscCall(FieldsSetPhase(r->fields, r->phase));
+  }
+  DropFieldsPhase(r->s, r->ncell, r->phase);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* That a volume is off, once: not after an event, which takes some steps to make good; that a drop leaves through an

@@ -9,5 +9,5 @@ PetscErrorCode DropReportCreate(const SimComponents *, DropReport *);
 PetscErrorCode DropReportDestroy(DropReport *);
 /* The values of the step that was taken, and ends at this time; the first one begins a file. */
 PetscErrorCode DropReportStep(DropReport, PetscInt step, PetscReal time);
-/* Before a snapshot of the fields: which drop its cells lie in. Local. */
-void DropReportMarkCells(DropReport);
+/* Before a snapshot of the fields: which drop its cells lie in. Not collective. */
+PetscErrorCode DropReportMarkCells(DropReport);

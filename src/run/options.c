@@ -93,7 +93,7 @@ static const OptSpec SPECS[] = {
    .help = "fraction of the squared errors whose cells are halved in a round (Doerfler)", .when = REFINE,
    .expert = PETSC_TRUE},
   {"-mesh_track", OPT_BOOL, "", OPT_ANY, "false", .old = "-mesh_follow",
-   .help = "refined cells move with the bodies: the mesh is rebuilt on the way",
+   .help = "refined cells move with bodies and drops: the mesh is rebuilt on the way",
    .when = "-mesh_levels, around bodies that move"},
   {"-mesh_track_distance", OPT_REAL, "cells", 0.1, 100, "2", .old = "-mesh_follow_way",
    .help = "distance in finest cells that a body moves before the mesh is rebuilt", .when = "-mesh_track",

@@ -10,9 +10,10 @@
 #include "couple/elasticsurfaces.h"
 #include "mesh/carry.h"
 
-#define LEAD_STEPS 10   /* steps that a new mesh looks ahead */
-#define CREEPS     1e-3 /* a body that goes less of its margin in these steps has no wake */
-#define START      8    /* cells along the smallest body on the first mesh that is refined by the flow */
+#define LEAD_STEPS   10   /* steps that a new mesh looks ahead */
+#define CREEPS       1e-3 /* a body that goes less of its margin in these steps has no wake */
+#define DROPS_MARGIN 0.7  /* of the margin: drops are of changing form */
+#define START        8    /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
   MPI_Comm     comm;
@@ -155,6 +156,22 @@ static PetscErrorCode find_displacement(Refine r, PetscInt k, PetscReal dt, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The same of drops, which know where they are going after the first step */
+static PetscErrorCode set_drop_positions(Refine r, PetscReal dt)
+{
+  PetscFunctionBeginUser;
+  if (r->surface.drops) PetscCall(DropDistanceSet(r->surface.drops, LEAD_STEPS * dt, DROPS_MARGIN * r->surface.margin));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode drop_displacement(Refine r, PetscReal dt, PetscReal *way)
+{
+  PetscFunctionBeginUser;
+  *way = 0;
+  if (r->surface.drops) PetscCall(DropDistanceMoved(r->surface.drops, dt, way));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What a mesh is made around */
 static MeshSurface mesh_surface(Refine r)
 {
@@ -170,7 +187,7 @@ static PetscErrorCode start_tracking(Refine r)
   BodyDistance *s = &r->surface;
 
   PetscFunctionBeginUser;
-  PetscCall(DefaultsSetBand(s->dim));
+  PetscCall(DefaultsSetBand(s->dim, (PetscBool)(s->drops != NULL)));
   r->track_distance = 2;
   PetscCall(OptReal("-mesh_track_distance", &r->track_distance));
   /* the size of the finest cells is known when there are some */
@@ -227,8 +244,22 @@ static PetscErrorCode start_solids(Refine r, Solids solids, PetscBool *still)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool steady, Solids solids, Bodies *bodies,
-                                Mesh *mesh, Refine *refine)
+/* The drops where they start; *still: there are none */
+static PetscErrorCode start_drops(Refine r, Drops drops, PetscBool *still)
+{
+  BodyDistance *s = &r->surface;
+  PetscReal     h;
+
+  PetscFunctionBeginUser;
+  if (!drops) PetscFunctionReturn(PETSC_SUCCESS);
+  *still = PETSC_FALSE;
+  PetscCall(MeshReadFinest(r->comm, &h));
+  PetscCall(DropDistanceCreate(drops, s->dim, s->lower, s->upper, s->period, h, &s->drops));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool steady, Solids solids, Drops drops,
+                                Bodies *bodies, Mesh *mesh, Refine *refine)
 {
   Refine        r;
   BodyDistance *s;
@@ -246,6 +277,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool 
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
   PetscCall(start_solids(r, solids, &still));
+  PetscCall(start_drops(r, drops, &still));
   still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
   if (steady || (!still && with_bodies)) PetscCall(OptBool("-mesh_track", &r->tracks));
@@ -271,6 +303,7 @@ PetscErrorCode RefineDestroy(Refine *refine)
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodyDistanceFree(&(*refine)->surface));
+  PetscCall(DropDistanceDestroy(&(*refine)->surface.drops));
   PetscCall(ElasticSurfacesDestroy(&(*refine)->outlines));
   PetscCall(PetscFree((*refine)->x));
   if ((*refine)->surface.X) {
@@ -338,6 +371,7 @@ PetscErrorCode RefineReplace(Refine r, Mesh now)
 PetscErrorCode RefineTrack(Refine r, PetscReal dt)
 {
   PetscLogDouble begin, end;
+  PetscReal      way;
   PetscBool      due = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -349,13 +383,15 @@ PetscErrorCode RefineTrack(Refine r, PetscReal dt)
     PetscCall(find_displacement(r, k, dt, &track_distance));
     due = (PetscBool)(track_distance > r->surface.margin);
   }
-  due = (PetscBool)(due || solid_displacement(r, dt) > r->surface.margin);
+  PetscCall(drop_displacement(r, dt, &way));
+  due = (PetscBool)(due || PetscMax(way, solid_displacement(r, dt)) > r->surface.margin);
   PetscCall(BodiesAny(r->surface.bodies, &due));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LimitsExceed(r->limits, r->row));
   PetscCall(PetscTime(&begin));
   PetscCall(set_body_positions(r, dt));
   PetscCall(set_solid_positions(r, dt));
+  PetscCall(set_drop_positions(r, dt));
   PetscCall(remesh(r));
   PetscCall(PetscTime(&end));
   PetscCall(MonitorPhaseSeconds(r->monitor, MONITOR_MESH, end - begin));
@@ -397,6 +433,17 @@ static PetscErrorCode visit_solids(Refine r, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode visit_drops(Refine r, State state)
+{
+  PetscBool has = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  if (!r->surface.drops) PetscFunctionReturn(PETSC_SUCCESS);
+  if (StateIsLoading(state)) PetscCall(StateHas(state, "drops_started", &has)); /* as of solids */
+  if (has) PetscCall(DropDistanceVisit(r->surface.drops, state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The run before may have followed no body: then the present one begins with where they are */
 static PetscErrorCode visit_state(void *refine, State state)
 {
@@ -409,6 +456,7 @@ static PetscErrorCode visit_state(void *refine, State state)
   PetscFunctionBeginUser;
   if (!r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(visit_solids(r, state));
+  PetscCall(visit_drops(r, state));
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &size));
   if (size == 3 * n) {
     PetscCall(BodiesBeginRows(b, &rows));

@@ -1,5 +1,5 @@
-/* Refine: the bodies of a scene, rigid and elastic ones, as what a mesh refines around (-mesh_levels, MeshSurface), and
-   meshes that follow them.
+/* Refine: the particles of a scene, rigid and elastic bodies and drops, as what a mesh refines around (-mesh_levels,
+   MeshSurface), and meshes that follow them.
 
    With -mesh_track cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
    than half of -mesh_track_distance finest cells from where the present mesh has the bodies. A new mesh has them that
@@ -18,11 +18,12 @@
 
 typedef struct _p_Refine *Refine;
 
-/* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them and around solids (borrowed,
+/* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them, solids and drops (borrowed,
    NULL: none), or in boxes alone (MeshReadLevels). Bodies that stand still, and solids that are held, are fine at their
    surface, others also inside. Collective. Errors: those of both; a body that moves away from its fine cells;
    -mesh_track in a steady scene, where none moves. */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool with_bodies, PetscBool steady, Solids, Bodies *, Mesh *, Refine *);
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool with_bodies, PetscBool steady, Solids, Drops, Bodies *, Mesh *,
+                                Refine *);
 /* -mesh_adapt: is it refined by the flow (meshadapt.h)? Collective. */
 PetscErrorCode RefineIsByFlow(PetscBool *wanted);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */

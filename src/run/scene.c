@@ -178,13 +178,16 @@ static PetscErrorCode create_mesh_and_bodies(SimComponents *sim, PetscBool activ
     PetscCall(MeshReadBox(sim->comm, &dim, lower, upper, period));
     PetscCall(MeshReadFinest(sim->comm, &h));
     PetscCall(create_solids(sim, active, dim, h, lower, upper));
-    PetscCall(RefineCreateMesh(sim->comm, with_bodies, steady, sim->solids, &sim->bodies, &sim->mesh, &sim->refine));
+    PetscCall(DropsCreate(sim->comm, dim, &sim->drops));
+    PetscCall(RefineCreateMesh(sim->comm, with_bodies, steady, sim->solids, sim->drops, &sim->bodies, &sim->mesh,
+                               &sim->refine));
   } else PetscCall(MeshCreate(sim->comm, &sim->mesh));
   PetscCall(MeshGetLocal(sim->mesh, mesh));
   if (levels) PetscFunctionReturn(PETSC_SUCCESS);
   l = *mesh;
   PetscCall(BodiesCreateLocal(sim->comm, l->dim, l->lower, l->upper, l->period, &sim->bodies));
   PetscCall(create_solids(sim, active, l->dim, l->h, l->lower, l->upper));
+  PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,7 +267,6 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(sim, active, steady, &l));
-  PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   if (active && refusal)
     PetscCall(DefaultsApply(sim->mesh, sim->bodies, sim->solids, sim->drops, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));

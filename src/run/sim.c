@@ -190,7 +190,7 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(PetscMalloc1(nscalar * l->nnode_all, &T));
   for (PetscInt i = 0; i < nscalar; i++) PetscCall(CoupleGetScalarField(s->components.couple, i, T + i * l->nnode_all));
   PetscCall(FieldsSetScalars(s->components.fields, T));
-  DropReportMarkCells(s->drop_report);
+  PetscCall(DropReportMarkCells(s->drop_report));
   PetscCall(FieldsWrite(s->components.fields, s->step, s->time, u, gradient, body, s->eta, conformation));
   PetscCall(PetscFree(T));
   PetscCall(PetscFree(conformation));

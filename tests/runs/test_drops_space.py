@@ -1,5 +1,6 @@
 """Drops in space: exact solutions at reduced size, the same on all numbers of ranks, restarts, refusals."""
 
+import json
 import math
 
 import h5py
@@ -113,6 +114,40 @@ def test_apart(drops):
         *["-particle_drop_position", "0.59,0.5,0.5", "-particle_drop_coalescence", "never", "-sim_steps", "1"],
     )
     assert series[0]["drops"] == 2 and [row["volume"] for row in rows] == pytest.approx([4 * math.pi / 3 * 0.027] * 2, rel=1e-3)
+
+
+RISES = """
+mesh: {cells: [4, 16, 4], upper: [0.5, 2, 0.5]}
+flow:
+  density: 1000
+  viscosity: 10
+  gravity: [0, -0.98, 0]
+  solver: balanced
+  bc: {left: {type: slip}, back: {type: slip}}
+particle:
+  groups: bubble
+  bubble: {shape: circle, radius: 0.25, position: [0, 0.5, 0], material: fluid, density: 100, viscosity: 1, surface_tension: 24.5, contact_angle: 90 deg}
+sim: {dt: 0.06, steps: 4}
+output: {every: 0}
+"""
+
+
+def test_levels(run, scene):
+    """A bubble rises between mirrors through cells of two sizes, which are made anew around it as it goes: as on cells of the small size, with the bits of a restart."""
+
+    def start(folder, *options):
+        result = run([scene(RISES), "-output_dir", folder, *options])
+        assert result.status == 0, str(result)
+        return read_rows(result.folder / folder / "drops.csv"), json.loads((result.folder / folder / "summary.json").read_text())
+
+    levels = ["-mesh_cells", "2,8,2", "-mesh_levels", "1", "-mesh_track", "-mesh_track_distance", "0.1", "-checkpoint_every", "2"]
+    (whole, summary), (even, _) = start("whole", *levels), start("even")
+    assert summary["quantities"]["mesh_changes"] == 2
+    for name, bound in (("y", 1e-4), ("v", 2e-3), ("sphericity", 1e-4)):
+        assert whole[-1][name] == pytest.approx(even[-1][name], rel=bound), name
+    assert max(abs(row["volume_error"]) for row in whole) < 1e-6
+    start("part", *levels, "-sim_steps", "2")
+    assert start("part", *levels, "-sim_restart", "latest")[0] == whole and len(whole) == 4
 
 
 BALL = ["-particle_groups", "drop,ball", "-particle_ball_shape", "circle", "-particle_ball_radius", "0.2", "-particle_ball_density", "2", "-particle_ball_position", "0.5,1.12,0.5"]
@@ -290,7 +325,8 @@ def test_region_refused(run, scene, options, message):
         ([*BALL, *SMALL, "-couple_method", "aligned"], "rigid bodies beside them are held by the penalty: give -couple_method penalty"),
         (["-particle_drop_film", "0.05"], "for the plane so far"),
         (["-particle_drop_radius", "0.1"], "use smaller cells (-mesh_cells)"),
-        (["-mesh_levels", "2", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Drops in space on cells of several sizes"),
+        (["-mesh_levels", "1"], "give -mesh_track"),
+        (["-mesh_levels", "1", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Levels of the mesh jump at"),
     ],
 )
 def test_refused(run, scene, options, message):
