@@ -305,8 +305,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
 
     if (at->first && m->condition != SCALAR_BODY_CONJUGATE)
       d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
-    if (s->nodal && ScalarMaterialHasValue(m)) continue;
     if (at->first) d->fluid[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
+    if (s->nodal && ScalarMaterialHasValue(m)) continue;
     if (at->distance < 0 && (at->first || ScalarMaterialHasValue(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
       ScalarMaterialSamples(m, par, &s->cover, at, size[at->cell], scale, d->surface,

@@ -391,6 +391,14 @@ def test_sources_and_reactions_of_the_fluid_end_at_bodies(run, scene, tmp_path, 
         assert float(last["scalar_source_heat"]) == pytest.approx(expected, rel=within) and float(last["scalar_error_heat"]) < 1e-12
 
 
+@pytest.mark.parametrize("method, error", [("aligned", 1e-5), ("penalty", 1e-4), ("nodal", 0.05)])
+def test_a_held_value_takes_what_the_fluid_makes(run, scene, tmp_path, method, error):
+    """Steady: the source of the fluid around, not of the place of the body (nodal: of cells that it cuts the whole)."""
+    held = BESIDE.replace("conductivity: 5, capacity: 3", "condition: value, value: 0").replace("TERM", "source: 1").replace("dt: 0.01, steps: 1", "steady: true")
+    run([scene(held), "-couple_method", method, "-output_dir", tmp_path / "out"])
+    assert float(read_last(tmp_path / "out")["scalar_from_heat_body"]) == pytest.approx(math.pi * 0.43**2 - 4, rel=error)
+
+
 def test_a_mean_gradient_stays_where_it_is_as_a_disc_goes_by(run, scene, tmp_path):
     """In a uniform flow U of one conductivity and capacity T = G.(x - U t), whatever passes: T' = -.5 t everywhere"""
     text = CARRIED.replace('initial: "exp(-((x-1)^2+(y-1)^2)/0.09)"', "gradient: [1, 0]").replace(", heat: {conductivity: 0.1, capacity: 3}", "")
