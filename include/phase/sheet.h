@@ -27,6 +27,7 @@ typedef struct {
   PetscInt  *drop;     /* [n] */
   PetscInt  *part;     /* [n] closed surface that it is of */
   PetscReal *volume;   /* [npart] negative: a hole */
+  PetscBool *closes;   /* [npart] not over a period */
   PetscBool *wall;     /* [n] along a wall */
 } PhaseSheet;
 

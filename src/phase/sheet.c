@@ -11,9 +11,18 @@
 #define FLAT    0.25 /* sine of the angle to a wall that a shift reckons with */
 #define SAME    1e-9 /* share by which distances of faces that meet at a closest point may differ */
 
+#define OPEN   1e-6 /* share of what adds up to a volume by which one that closes may differ from itself */
+#define NEAR   0.25 /* of half a face: where so near, its normal tells the sides */
+#define INWARD 1e-3 /* of a distance: from walls, to tell the sides */
+
 #define NPLACE  9    /* along a direction of a face, where it is measured */
 #define ON_TOP  1.05 /* factor on what is found there */
 #define NCOMMON 16   /* faces that meet at a closest point, at most */
+
+/* A direction that is none of a mesh's (third), and two across it: right-handed */
+static const PetscReal RAY[3][3] = {{0.7989054715127468, 0, -0.6014566049076158},
+                                    {-0.1981872424549764, 0.9441513444078835, -0.2632490375687604},
+                                    {0.5678660621265266, 0.32951212246711986, 0.7542876749835739}};
 
 /* ---- faces ---- */
 
@@ -66,14 +75,16 @@ PetscErrorCode PhaseSheetCreate(PetscInt n, PetscInt nnode, PetscInt npart, Phas
 {
   PetscFunctionBeginUser;
   *s = (PhaseSheet){.n = n, .nnode = nnode, .npart = npart};
-  PetscCall(PetscMalloc7(n, &s->x, n, &s->ball, n, &s->node, n, &s->drop, n, &s->part, npart, &s->volume, n, &s->wall));
+  PetscCall(PetscMalloc6(n, &s->x, n, &s->ball, n, &s->node, n, &s->drop, n, &s->part, n, &s->wall));
+  PetscCall(PetscMalloc2(npart, &s->volume, npart, &s->closes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PhaseSheetDestroy(PhaseSheet *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree7(s->x, s->ball, s->node, s->drop, s->part, s->volume, s->wall));
+  PetscCall(PetscFree6(s->x, s->ball, s->node, s->drop, s->part, s->wall));
+  PetscCall(PetscFree2(s->volume, s->closes));
   *s = (PhaseSheet){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,19 +115,31 @@ static void find_whole(PhaseSheet *s)
     s->whole[3] = PetscMax(s->whole[3], PetscSqrtReal(distance2(s->ball[e], s->whole)) + s->ball[e][3]);
 }
 
-void PhaseSheetUpdate(PhaseSheet *s)
+/* Volume of a part, along each axis by itself: other ones where it is open, as over a period */
+static void measure_part(PhaseSheet *s, PetscInt part)
 {
-  for (PetscInt p = 0; p < s->npart; p++) s->volume[p] = 0;
-  for (PetscInt e = 0; e < s->n; e++) {
-    find_ball(s->x[e], s->ball[e]);
-    for (PetscInt q = 0; q < NPOINT; q++) {
+  PetscReal volume[3] = {0}, size = 0;
+
+  for (PetscInt e = 0; e < s->n; e++)
+    for (PetscInt q = 0; q < NPOINT && s->part[e] == part; q++) {
       PetscReal y[3], n[3];
 
       face_point(s->x[e], q, y, n);
-      for (PetscInt a = 0; a < 3; a++) y[a] -= s->x[0][4][a];
-      s->volume[s->part[e]] += dot3(y, n) / 3;
+      for (PetscInt a = 0; a < 3; a++) {
+        volume[a] += (y[a] - s->x[0][4][a]) * n[a];
+        size += PetscAbsReal((y[a] - s->x[0][4][a]) * n[a]);
+      }
     }
-  }
+  s->volume[part] = (volume[0] + volume[1] + volume[2]) / 3;
+  s->closes[part] = PETSC_TRUE;
+  for (PetscInt a = 0; a < 3; a++)
+    if (PetscAbsReal(volume[a] - s->volume[part]) > OPEN * size) s->closes[part] = PETSC_FALSE;
+}
+
+void PhaseSheetUpdate(PhaseSheet *s)
+{
+  for (PetscInt e = 0; e < s->n; e++) find_ball(s->x[e], s->ball[e]);
+  for (PetscInt p = 0; p < s->npart; p++) measure_part(s, p);
   find_whole(s);
 }
 
@@ -295,7 +318,59 @@ static void common_normal(const PhaseSheet *s, const Common *common, PetscReal b
   }
 }
 
-/* Of one part, nearer than reach */
+/* How often a triangle goes round the line through x, in front of it: 1 where the line leaves what it bounds */
+static PetscInt crosses(PetscReal (*const corner)[3], const PetscReal x[3])
+{
+  PetscReal p[3][2], depth[3], area[3], at = 0;
+  PetscInt  turns = 0;
+
+  for (PetscInt i = 0; i < 3; i++) {
+    const PetscReal r[3] = {corner[i][0] - x[0], corner[i][1] - x[1], corner[i][2] - x[2]};
+
+    p[i][0]  = dot3(r, RAY[0]);
+    p[i][1]  = dot3(r, RAY[1]);
+    depth[i] = dot3(r, RAY[2]);
+  }
+  for (PetscInt i = 0; i < 3; i++) {
+    const PetscReal *a = p[i], *b = p[(i + 1) % 3];
+
+    area[i] = a[0] * b[1] - a[1] * b[0];
+    if (a[1] <= 0 && b[1] > 0 && area[i] > 0) turns++;
+    if (a[1] > 0 && b[1] <= 0 && area[i] < 0) turns--;
+    at += area[i] * depth[(i + 2) % 3];
+  }
+  return at * (area[0] + area[1] + area[2]) > 0 ? turns : 0;
+}
+
+/* How often a part goes round x, which lies in the domain that walls bound: a little farther inside, since faces along
+   walls count, by a line and the triangles of nodes */
+static PetscInt count_turns(const PhaseSheet *s, PetscInt part, const PetscReal at[3], PetscReal distance)
+{
+  static const PetscInt TRIANGLE[8][3] = {{0, 1, 4}, {0, 4, 3}, {1, 2, 5}, {1, 5, 4},
+                                          {3, 4, 7}, {3, 7, 6}, {4, 5, 8}, {4, 8, 7}};
+  const PetscReal       away           = PetscSqrtReal(distance2(at, s->whole));
+  const PetscReal       way            = away > 0 ? PetscMin(1, INWARD * distance / away) : 0;
+  PetscInt              turns          = 0;
+  PetscReal             x[3];
+
+  for (PetscInt a = 0; a < 3; a++) x[a] = at[a] + way * (s->whole[a] - at[a]);
+  for (PetscInt e = 0; e < s->n; e++) {
+    const PetscReal r[3]  = {s->ball[e][0] - x[0], s->ball[e][1] - x[1], s->ball[e][2] - x[2]};
+    const PetscReal depth = dot3(r, RAY[2]), radius = s->ball[e][3];
+
+    if (s->part[e] != part || depth < -radius || dot3(r, r) - depth * depth > radius * radius) continue;
+    for (PetscInt t = 0; t < 8; t++) {
+      PetscReal corner[3][3];
+
+      for (PetscInt i = 0; i < 9; i++) corner[i / 3][i % 3] = s->x[e][TRIANGLE[t][i / 3]][i % 3];
+      turns += crosses(corner, x);
+    }
+  }
+  return turns;
+}
+
+/* Of one part, nearer than reach. Next to it the normal tells the sides; farther off that is wrong where faces are
+   folded, as in search_loop of curve.c. */
 static PetscBool search_part(const PhaseSheet *s, PetscInt part, const PetscReal x[3], PetscReal reach, PhasePoint *p)
 {
   const PetscInt start  = nearest_middle(s, part, x);
@@ -326,6 +401,11 @@ static PetscBool search_part(const PhaseSheet *s, PetscInt part, const PetscReal
   common_normal(s, &common, best, n);
   for (PetscInt a = 0; a < 3; a++) r[a] = x[a] - p->y[a];
   p->d = dot3(r, n) < 0 ? -best : best;
+  if (best > NEAR * s->ball[p->edge][3] && s->closes[part]) {
+    const PetscInt turns = count_turns(s, part, x, best);
+
+    p->d = (s->volume[part] < 0 ? turns >= 0 : turns > 0) ? -best : best;
+  }
   return PETSC_TRUE;
 }
 

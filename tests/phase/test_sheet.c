@@ -113,6 +113,29 @@ static void test_closest(void **state)
   (void)PhaseSheetDestroy(&c);
 }
 
+/* The tip of a ball, or of one that is a hole, is turned inside out: that tells nothing of the sides farther off */
+static void test_folded(void **state)
+{
+  const PetscReal x[4][3] = {{5, 0, 0}, {-5, 0, 0}, {1.2, 0, 0}, {0.5, 0, 0}};
+
+  (void)state;
+  for (PetscInt sign = -1; sign <= 1; sign += 2) {
+    const Ellipsoid of = {{0, 0, 0}, {1, 1, 1}, (PetscReal)sign};
+    PhaseSheet      c;
+    PhasePoint      p;
+
+    assert_true(!make(1, &of, NULL, 0, &c));
+    for (PetscInt i = 0; i < 9 * c.n; i++)
+      if (c.x[i / 9][i % 9][0] > 0.98) c.x[i / 9][i % 9][1] *= -1;
+    PhaseSheetUpdate(&c);
+    for (PetscInt i = 0; i < 4; i++) {
+      PhaseSheetClosest(&c, x[i], 10, &p);
+      NEAR(p.d, sign * (PetscAbsReal(x[i][0]) - 1), 1e-3);
+    }
+    (void)PhaseSheetDestroy(&c);
+  }
+}
+
 static void test_shift(void **state)
 {
   const Ellipsoid of[2] = {{{0, 0, 0}, {1, 1, 1}, 1}, {{5, 0, 0}, {1, 1, 1}, 1}};
@@ -316,10 +339,11 @@ static void test_open(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),       cmocka_unit_test(test_closest),
-                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_period),
-                                     cmocka_unit_test(test_meet_plane), cmocka_unit_test(test_meet_catenoid),
-                                     cmocka_unit_test(test_meet_ball),  cmocka_unit_test(test_open)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),          cmocka_unit_test(test_closest),
+                                     cmocka_unit_test(test_folded),        cmocka_unit_test(test_shift),
+                                     cmocka_unit_test(test_period),        cmocka_unit_test(test_meet_plane),
+                                     cmocka_unit_test(test_meet_catenoid), cmocka_unit_test(test_meet_ball),
+                                     cmocka_unit_test(test_open)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
