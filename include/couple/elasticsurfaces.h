@@ -12,7 +12,7 @@ typedef struct _p_ElasticSurfaces *ElasticSurfaces;
 
 PetscErrorCode ElasticSurfacesCreate(const SolidsState *, ElasticSurfaces *);
 PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *);
-/* From now on with the nodes at x [nnode][dim], copied. Not collective. */
+/* From now on with the nodes at x [nnode][dim], copied. Collective. */
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces, const PetscReal x[]);
 /* A point x [dim] on outline k: nodes of the side that it is on, 3 or 9, and their parts in it. */
 PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces, PetscInt k, const PetscReal x[], PetscInt node[ELASTIC_SIDE],

@@ -170,7 +170,7 @@ PetscErrorCode FlowGetGiven(Flow, const void *except, const PetscReal u[], Petsc
 /* Operator of all components, in products next to S for every component. */
 typedef struct {
   Mat              E;         /* own nodes x dim, component fastest; with P: rows of the owner's own */
-  Mat              P;         /* from own nodes x dim to these rows, the operator is P^T E P (NULL: E) */
+  Mat              P;         /* from own nodes x dim to these rows, MATMAIJ; the operator is P^T E P (NULL: E) */
   const PetscReal *lumped;    /* [nnode_all] inertia that the owner has among cell terms, for the lumped mass of
                               preconditioners (NULL: none) */
   const PetscReal *force;     /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */

@@ -52,6 +52,8 @@ typedef struct {
   PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
 } SolidSums;
 void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[], SolidSums *);
+/* Volume and centroid alone */
+PetscReal SolidFindVolume(const SolidMesh *, const PetscReal x[], PetscReal centroid[3]);
 /* Mean of velocities u [nnode][dim] over a solid, by the weights of its reference mesh; over what a membrane at x
    encloses, of a flow that is free of divergence */
 void SolidMeanVelocity(const SolidMesh *, const PetscReal x[], const PetscReal u[], PetscReal mean[3]);

@@ -2,9 +2,10 @@
    solids, and membranes, without mass, around a fluid of the flow's own density.
 
    A group has one reference mesh (reference.h) of its shape, its law and density; a solid is a copy of that mesh with
-   positions and velocities of its nodes at the last two times: these are all its state. All ranks know all solids, and
-   do the same with them. The room knows no flow; couple/elastic.c ties solids to one, and without a flow SolidsAdvance
-   moves them by themselves. Lengths, masses and times in the units of the scene. */
+   positions and velocities of its nodes at the last two times: these are all its state. All ranks know all solids;
+   what is worked out of one alone is worked out by one rank, which gives it to the others (SolidsExchange). The room
+   knows no flow; couple/elastic.c ties solids to one, and without a flow SolidsAdvance moves them by themselves, all on
+   every rank. Lengths, masses and times in the units of the scene. */
 #pragma once
 #include "base/expr.h"
 #include "base/state.h"
@@ -38,7 +39,10 @@ typedef struct {
 
 /* Read-only but for the arrays of nodes */
 typedef struct {
+  MPI_Comm          comm;
   PetscInt          dim, ngroups, n; /* n: solids */
+  PetscInt          own[2];          /* those from own[0] to before own[1] are this rank's to work out */
+  const PetscInt   *start;           /* [ranks + 1] own[0] of all */
   const SolidGroup *group;
   const PetscInt   *group_of;              /* [n] */
   const PetscInt   *first;                 /* [n + 1] first node of a solid */
@@ -66,6 +70,10 @@ PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, const PetscR
                             Solids *);
 PetscErrorCode SolidsDestroy(Solids *);
 PetscErrorCode SolidsGetState(Solids, SolidsState **);
+/* v [n][width], or [nnode][width] by nodes: each rank has those of its own solids, afterwards those of all. Collective.
+ */
+PetscErrorCode SolidsExchange(const SolidsState *, PetscInt width, PetscReal v[]);
+PetscErrorCode SolidsExchangeNodes(const SolidsState *, PetscInt width, PetscReal v[]);
 /* Does some membrane enclose a fluid of another viscosity than that around it? */
 PetscBool SolidsHaveInnerFluid(Solids);
 /* How many membranes have a modulus of the area as a whole */

@@ -148,11 +148,14 @@ static PetscErrorCode destroy(Couple c, void *data)
 
     PetscCall(PetscFree(p->cell));
     PetscCall(PetscFree(p->xi));
+    PetscCall(PetscFree(p->reached));
   }
   PetscCall(PetscFree(e->volumes.cell));
   PetscCall(PetscFree(e->volumes.C));
   PetscCall(PetscFree(e->volumes.g));
   PetscCall(PetscFree(e->contacts.list));
+  PetscCall(PetscFree(e->contacts.near));
+  PetscCall(PetscFree(e->contacts.image));
   PetscCall(PetscFree(e->within));
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -311,12 +314,13 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
 }
 
 /* e->change [n][dim]: int c_t u_s - d(u_s) over the reference meshes */
-static void measure_change(Elastic *e, const FlowStep *step)
+static PetscErrorCode measure_change(Elastic *e, const FlowStep *step)
 {
   const SolidsState *s   = e->s;
   const PetscInt     dim = s->dim;
 
-  for (PetscInt k = 0; k < s->n; k++) {
+  PetscFunctionBeginUser;
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++) {
     const SolidMesh *m = &s->group[s->group_of[k]].mesh;
 
     for (PetscInt a = 0; a < dim; a++) e->change[k * dim + a] = 0;
@@ -329,6 +333,8 @@ static void measure_change(Elastic *e, const FlowStep *step)
         e->change[k * dim + a] += w * (step->ct * e->u[at + a] - step->d0 * s->u[at + a] - step->d1 * s->u_old[at + a]);
     }
   }
+  PetscCall(SolidsExchange(s, dim, e->change));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode solved(Couple c, void *data)
@@ -338,16 +344,9 @@ static PetscErrorCode solved(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(ElasticTensionsTake(e, c));
   PetscCall(ElasticTakeVelocity(e, c, c->field.u));
-  for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->end[i] = e->a[i] + e->u[i] / c->step->ct;
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    const SolidGroup *g = e->s->group + e->s->group_of[k];
-
-    if (g->membrane || (!g->compressible && !g->nclamped))
-      PetscCall(SolidKeepVolume(&g->mesh, g->clamped, ElasticTensionsGetArea(e, k), e->end + e->s->dim * e->s->first[k],
-                                e->kept + k));
-  }
+  PetscCall(ElasticFindEnd(e, c));
   PetscCall(measure_force(e, c));
-  measure_change(e, c->step);
+  PetscCall(measure_change(e, c->step));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -362,22 +361,14 @@ static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, Co
     b->residual[i % c->loc->dim] -= e->load[i];
     b->size += PetscAbsReal(e->load[i]) + c->par->density * PetscAbsReal(e->change[i]);
   }
-  /* a membrane has no mass and pushes nothing as a whole: the pull across a cut through its middle, about */
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
-    SolidSums        sums;
-
-    if (!SolidIsMembrane(m)) continue;
-    SolidsMeasure(e->solids, k, &sums);
-    b->size += sums.strain_energy / m->radius;
-  }
+  PetscCall(ElasticAddPull(e, &b->size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
   PetscFunctionBeginUser;
-  ElasticAddEnergy((const Elastic *)data, c, w);
+  PetscCall(ElasticAddEnergy((const Elastic *)data, c, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -28,8 +28,9 @@
 /* Where points lie on this rank: cell -1 where another rank (or none) answers */
 typedef struct {
   PetscInt   n, capacity;
-  PetscInt  *cell; /* [n] */
-  PetscReal *xi;   /* [n][dim] */
+  PetscInt  *cell;    /* [n] */
+  PetscReal *xi;      /* [n][dim] */
+  PetscBool *reached; /* [solids] may own cells hold points of it? Of nodes alone */
 } ElasticPoints;
 
 /* A node of an outline (in space: of a surface) that is pushed by what is near */
@@ -45,7 +46,9 @@ typedef struct {
 typedef struct {
   PetscInt        n, capacity;
   ElasticContact *list;
-  PetscBool       touched, joined; /* there were some; the matrix has entries of two solids */
+  PetscInt        nnear, near_capacity, *near; /* solids near the one that is looked at, */
+  PetscReal (*image)[3];                       /* and where an image of them has its centre */
+  PetscBool touched, joined;                   /* there were some; the matrix has entries of two solids */
 } ElasticContacts;
 
 /* Terms of continuity of own cells: C [][dim + 1][dim + 1], g [][dim + 1] */
@@ -77,7 +80,7 @@ typedef struct Elastic {
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal        *x, *a, *u, *end; /* u: velocities as solved, end: positions at its end with them */
   ElasticPoints     node, point;     /* nodes of the solids; their quadrature points */
-  Mat               P, K;            /* map, matrix of the solids */
+  Mat               P, K;            /* map, of each component the same; matrix of the solids, its upper half */
   Vec               us, fs, all;     /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter        gather;
   PetscReal        *force;          /* [own nodes][dim] on the flow */
@@ -113,6 +116,8 @@ static inline PetscBool ElasticIsLined(const Elastic *e, PetscInt k)
 PetscReal ElasticExcess(const Elastic *, Couple, PetscInt k);
 /* The present step of the flow: positions that it predicts. */
 PetscErrorCode ElasticPredict(Elastic *, Couple);
+/* e->end, positions with the velocities of the step solved and the volumes that are to be kept; e->kept. Collective. */
+PetscErrorCode ElasticFindEnd(Elastic *, Couple);
 /* Where the points are, and with them P. Collective. Error: a node outside of the domain. */
 PetscErrorCode ElasticMap(Elastic *, Couple);
 /* The matrix of the solids, of the nodes of their cells and of what touches in a step. Collective. */
@@ -124,15 +129,17 @@ PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
 /* elasticstart.c: u [nnode_all][dim], the velocity of the flow, changes at own nodes by what velocities that solids
    start with make of the fluid inside; *any: something does. Collective. */
 PetscErrorCode ElasticStartInside(Elastic *, Couple, PetscReal u[], PetscBool *any);
+/* A membrane has no mass and pushes nothing as a whole: *size, of forces, += the pull across a cut through the middle
+   of each, about. Collective. */
+PetscErrorCode ElasticAddPull(const Elastic *, PetscReal *size);
 /* Of the step solved: kinetic energy of what the flow does not count, strain energy, the power of the weight in excess
-   of the fluid's and of what holds nodes of the flow. Not collective, all ranks the same. */
-void ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
+   of the fluid's and of what holds nodes of the flow. Collective, all ranks the same. */
+PetscErrorCode ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
 /* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
    it gives back what it took as bodies part. Collective. */
 PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);
-/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Not collective, all ranks the same. Errors: a step that is too
-   short to go on with; with ElasticCheckStep, of the step solved: a cell that turns inside out, a volume that is
-   lost. */
+/* CoupleLimitStep, CoupleOverstep (elasticlimit.c). Collective, all ranks the same. Errors: a step that is too short to
+   go on with; with ElasticCheckStep, of the step solved: a cell that turns inside out, a volume that is lost. */
 PetscErrorCode ElasticLimitStep(const Elastic *, Couple, PetscReal *dt);
 PetscErrorCode ElasticCheckStep(const Elastic *, Couple);
 PetscErrorCode ElasticOverstep(const Elastic *, Couple, PetscReal *ratio);

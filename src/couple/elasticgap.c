@@ -188,36 +188,74 @@ static PetscErrorCode mark_boundaries(Couple c, PetscInt on[])
 
 /* ---- solids and bodies ---- */
 
-/* Another solid, or an image of any in a periodic box; a membrane that the solid started in from within */
-static PetscErrorCode check_solids(const Elastic *e, Couple c, PetscReal size, const Gap *which, Gap *best)
+/* The image `to` of another solid enters the list of those near solid k, if it comes within `reach` of it */
+static PetscErrorCode list_image(Elastic *e, const MeshLocal *l, PetscInt k, PetscInt other, const PetscInt to[3],
+                                 PetscReal reach)
 {
   const AlignSurfaces *t = ElasticSurfacesGet(e->surfaces);
-  const MeshLocal     *l = c->loc;
-  const PetscInt n[3] = {l->period[0] > 0 ? 1 : 0, l->period[1] > 0 ? 1 : 0, l->dim == 3 && l->period[2] > 0 ? 1 : 0};
-  Gap            at   = *which;
+  PetscReal            image[3];
+
+  PetscFunctionBeginUser;
+  if (other == k && !to[0] && !to[1] && !to[2]) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 3; a++)
+    image[a] = t->centre[k][a] + MeshNearest(l, a, t->centre[other][a] - t->centre[k][a]) +
+               (PetscReal)to[a] * l->period[a];
+  if (distance2(3, t->centre[k], image) > PetscSqr(t->radius[k] + t->radius[other] + reach))
+    PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(e->contacts.nnear + 1, &e->contacts.near_capacity, &e->contacts.near,
+                         sizeof(*e->contacts.near), &e->contacts.image, sizeof(*e->contacts.image), NULL));
+  e->contacts.near[e->contacts.nnear] = other;
+  PetscCall(PetscArraycpy(e->contacts.image[e->contacts.nnear++], image, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Other solids, and images of any in a periodic box, that a node of solid k may be within a cell of */
+static PetscErrorCode list_near(Elastic *e, Couple c, PetscInt k)
+{
+  const SolidsState *s = e->s;
+  const SolidMesh   *m = &s->group[s->group_of[k]].mesh;
+  const MeshLocal   *l = c->loc;
+  const PetscInt n[3]  = {l->period[0] > 0 ? 1 : 0, l->period[1] > 0 ? 1 : 0, l->dim == 3 && l->period[2] > 0 ? 1 : 0};
+  PetscReal      reach = 0;
+
+  PetscFunctionBeginUser;
+  e->contacts.nnear = 0;
+  for (PetscInt i = 0; i < m->nb_side * m->nside; i++) {
+    const PetscInt cell = e->node.cell[s->first[k] + m->side[i]];
+
+    if (cell >= 0) reach = PetscMax(reach, cell_size(l, cell));
+  }
+  for (PetscInt other = 0; other < s->n; other++)
+    for (PetscInt z = -n[2]; z <= n[2]; z++)
+      for (PetscInt y = -n[1]; y <= n[1]; y++)
+        for (PetscInt x = -n[0]; x <= n[0]; x++) PetscCall(list_image(e, l, k, other, (PetscInt[3]){x, y, z}, reach));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Those in the list; a membrane that the solid started in from within */
+static PetscErrorCode check_solids(const Elastic *e, Couple c, PetscReal size, const Gap *which, Gap *best)
+{
+  const AlignSurfaces *t   = ElasticSurfacesGet(e->surfaces);
+  const PetscInt       dim = c->loc->dim;
+  Gap                  at  = *which;
 
   PetscFunctionBeginUser;
   at.kind = TO_SOLID;
-  for (at.other = 0; at.other < t->n; at.other++)
-    for (PetscInt i = 0; i < 27; i++) {
-      const PetscInt   to[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
-      const PetscReal *own = t->centre[at.solid], *other = t->centre[at.other];
-      PetscReal        image[3], d, x[3], y[3] = {0, 0, 0};
+  for (PetscInt i = 0; i < e->contacts.nnear; i++) {
+    const PetscReal *image = e->contacts.image[i];
+    PetscReal        d, x[3], y[3] = {0, 0, 0};
 
-      if (PetscAbs(to[0]) > n[0] || PetscAbs(to[1]) > n[1] || PetscAbs(to[2]) > n[2]) continue;
-      if (at.other == at.solid && !to[0] && !to[1] && !to[2]) continue;
-      for (PetscInt a = 0; a < 3; a++)
-        image[a] = own[a] + MeshNearest(l, a, other[a] - own[a]) + (PetscReal)to[a] * l->period[a];
-      if (distance2(l->dim, at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
-      PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
-      if (e->within && e->within[at.solid * t->n + at.other]) d = -d;
-      if (!is_narrower(d, size, best)) continue;
-      for (PetscInt a = 0; a < 3; a++) at.away[a] = image[a] - other[a];
-      for (PetscInt a = 0; a < 3; a++) x[a] = at.x[a] - at.away[a];
-      PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
-      for (PetscInt a = 0; a < l->dim; a++) y[a] += at.away[a];
-      note(best, d, size, y, &at);
-    }
+    at.other = e->contacts.near[i];
+    if (distance2(dim, at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
+    PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
+    if (e->within && e->within[at.solid * t->n + at.other]) d = -d;
+    if (!is_narrower(d, size, best)) continue;
+    for (PetscInt a = 0; a < 3; a++) at.away[a] = image[a] - t->centre[at.other][a];
+    for (PetscInt a = 0; a < 3; a++) x[a] = at.x[a] - at.away[a];
+    PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
+    for (PetscInt a = 0; a < dim; a++) y[a] += at.away[a];
+    note(best, d, size, y, &at);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -387,6 +425,8 @@ PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m = &s->group[s->group_of[k]].mesh;
 
+    if (!e->node.reached[k]) continue;
+    PetscCall(list_near(e, c, k));
     for (PetscInt i = 0; i < m->nb_side * m->nside; i++)
       PetscCall(look_around(e, c, on, k, i / m->nb_side, i % m->nb_side, &best));
   }
@@ -420,8 +460,11 @@ PetscErrorCode ElasticCountContacts(const Elastic *e, Vec entries)
     PetscInt  n, row[3 * (1 + ELASTIC_SIDE)];
     PetscReal v[3 * (1 + ELASTIC_SIDE)];
 
-    n = list_unknowns(e, e->contacts.list + m, row, v);
-    for (PetscInt i = 0; i < n; i++) v[i] = n > e->s->dim ? n : 0; /* a node by itself has these entries */
+    n = list_unknowns(e, e->contacts.list + m, row, v) / e->s->dim;
+    for (PetscInt i = 0; i < n; i++) {
+      row[i] = row[i * e->s->dim] / e->s->dim;
+      v[i]   = n > 1 ? n : 0; /* a node by itself has these entries */
+    }
     PetscCall(VecSetValues(entries, n, row, v, ADD_VALUES));
   }
   PetscCall(VecAssemblyBegin(entries));

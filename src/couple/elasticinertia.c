@@ -166,14 +166,11 @@ PetscErrorCode ElasticInertiaAssemble(ElasticInertia *in, Flow flow, const FlowS
 
     if (k < 0) continue;
     if (!at[k].cells) {
-      SolidSums sums;
-
       at[k] = (Located){.s     = s,
                         .group = s->group + s->group_of[k],
                         .x     = x + l->dim * s->first[k],
                         .first = s->first[k]};
-      SolidMeasure(&at[k].group->mesh, &at[k].group->material, at[k].x, &sums);
-      PetscCall(PetscArraycpy(at[k].centre, sums.centroid, 3));
+      (void)SolidFindVolume(&at[k].group->mesh, at[k].x, at[k].centre);
       PetscCall(PointCellsCreateOf(l->dim, at[k].group->mesh.ncell, at[k].group->mesh.cell_node, at[k].x, BEYOND,
                                    &at[k].cells));
     }

@@ -24,8 +24,10 @@ static PetscReal find_rate(const Elastic *e, PetscInt k, const PetscReal u[])
   for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
     PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N], F[9], C[9] = {0}, inverse[9], G[9], square = 0;
 
-    SolidGather(m, i / m->nq, e->s->x + dim * e->s->first[k], xc);
-    SolidGather(m, i / m->nq, u, uc);
+    if (i % m->nq == 0) {
+      SolidGather(m, i / m->nq, e->s->x + dim * e->s->first[k], xc);
+      SolidGather(m, i / m->nq, u, uc);
+    }
     (void)SolidGradient(m, i / m->nq, i % m->nq, xc, F);
     (void)SolidGradient(m, i / m->nq, i % m->nq, uc, G);
     for (PetscInt j = 0; j < nd * nd; j++)
@@ -39,44 +41,57 @@ static PetscReal find_rate(const Elastic *e, PetscInt k, const PetscReal u[])
   return PetscSqrtReal(most);
 }
 
-/* The longest step that velocities u [nnode][dim] let the solids stand */
-static PetscReal find_longest(const Elastic *e, Couple c, const PetscReal u[])
+/* The longest step that velocities u [nnode][dim] let the solids stand. Collective. */
+static PetscErrorCode find_longest(const Elastic *e, Couple c, const PetscReal u[], PetscReal *dt)
 {
   const SolidsState *s       = e->s;
   PetscReal          longest = PETSC_MAX_REAL, rate;
 
-  for (PetscInt i = 0; i < s->nnode && !e->ale; i++) {
+  PetscFunctionBeginUser;
+  for (PetscInt i = s->first[s->own[0]]; i < s->first[s->own[1]] && !e->ale; i++) {
     PetscReal square = 0;
 
     for (PetscInt a = 0; a < s->dim; a++) square += PetscSqr(u[s->dim * i + a]);
     if (square > 0) longest = PetscMin(longest, WAY * c->loc->h / PetscSqrtReal(square));
   }
-  for (PetscInt k = 0; k < s->n; k++)
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++)
     if ((rate = find_rate(e, k, u + s->dim * s->first[k])) > 0) longest = PetscMin(longest, STRAIN / rate);
-  return longest;
+  PetscCall(MPIU_Allreduce(&longest, dt, 1, MPIU_REAL, MPIU_MIN, s->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A solid that has a cell with J <= 0 at the positions at the end of the step, -1: none */
-static PetscInt find_inverted(const Elastic *e)
+/* Has solid k a cell with J <= 0 at the positions at the end of the step? */
+static PetscBool is_inverted(const Elastic *e, PetscInt k)
 {
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
+  const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
 
-    for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
-      PetscReal xc[SOLID_MAX_N], F[9];
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+    PetscReal xc[SOLID_MAX_N], F[9];
 
-      SolidGather(m, i / m->nq, e->end + m->dim * e->s->first[k], xc);
-      if (!(SolidGradient(m, i / m->nq, i % m->nq, xc, F) > 0)) return k;
-    }
+    if (i % m->nq == 0) SolidGather(m, i / m->nq, e->end + m->dim * e->s->first[k], xc);
+    if (!(SolidGradient(m, i / m->nq, i % m->nq, xc, F) > 0)) return PETSC_TRUE;
   }
-  return -1;
+  return PETSC_FALSE;
+}
+
+/* The last of these solids, -1: none. Collective. */
+static PetscErrorCode find_inverted(const Elastic *e, PetscInt *inverted)
+{
+  PetscInt last = -1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = e->s->own[0]; k < e->s->own[1]; k++)
+    if (is_inverted(e, k)) last = k;
+  PetscCall(MPIU_Allreduce(&last, inverted, 1, MPIU_INT, MPI_MAX, e->s->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ElasticCheckStep(const Elastic *e, Couple c)
 {
-  const PetscInt inverted = find_inverted(e);
+  PetscInt inverted;
 
   PetscFunctionBeginUser;
+  PetscCall(find_inverted(e, &inverted));
   PetscCheck(inverted < 0, c->comm, PETSC_ERR_USER_INPUT,
              "A cell of an elastic particle of group '%s' turns inside out in the step to t = %g: the step does not follow it, or what is around it is not "
              "resolved; use a shorter step (-sim_dt %g), smaller cells (-mesh_cells) or a stiffer particle",
@@ -96,13 +111,14 @@ PetscErrorCode ElasticLimitStep(const Elastic *e, Couple c, PetscReal *dt)
   const PetscInt     n     = s->nnode * s->dim;
   const PetscReal    more  = s->time_dt > 0 ? PetscMin(1, *dt / s->time_dt) : 0; /* of the last change once more */
   const PetscReal    asked = *dt;
-  PetscReal         *u;
+  PetscReal         *u, longest[2];
 
   PetscFunctionBeginUser;
-  *dt = PetscMin(*dt, find_longest(e, c, s->u));
+  PetscCall(find_longest(e, c, s->u, &longest[0]));
   PetscCall(PetscMalloc1(n, &u));
   for (PetscInt i = 0; i < n; i++) u[i] = s->u[i] + more * (s->u[i] - s->u_old[i]);
-  *dt = PetscMin(*dt, find_longest(e, c, u));
+  PetscCall(find_longest(e, c, u, &longest[1]));
+  *dt = PetscMin(*dt, PetscMin(longest[0], longest[1]));
   PetscCall(PetscFree(u));
   PetscCheck(asked == PETSC_MAX_REAL || *dt > HOPELESS * asked, c->comm, PETSC_ERR_USER_INPUT,
              "Elastic particles move so fast, or are strained so fast, after t = %g that a step would be %.2g, for %.2g that was asked: what is around them "
@@ -114,8 +130,13 @@ PetscErrorCode ElasticLimitStep(const Elastic *e, Couple c, PetscReal *dt)
 
 PetscErrorCode ElasticOverstep(const Elastic *e, Couple c, PetscReal *ratio)
 {
+  PetscReal longest;
+  PetscInt  inverted;
+
   PetscFunctionBeginUser;
-  *ratio = PetscMax(*ratio, c->step->dt / find_longest(e, c, e->u));
-  if (find_inverted(e) >= 0) *ratio = PetscMax(*ratio, INVERTED);
+  PetscCall(find_longest(e, c, e->u, &longest));
+  PetscCall(find_inverted(e, &inverted));
+  *ratio = PetscMax(*ratio, c->step->dt / longest);
+  if (inverted >= 0) *ratio = PetscMax(*ratio, INVERTED);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

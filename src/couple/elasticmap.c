@@ -10,6 +10,7 @@
 #define OUTSIDE  0.02 /* of a half-width: so far out of the domain a node may be */
 #define BEYOND   0.8  /* likewise, out of the cells of its solid */
 #define STRAINED 0.1  /* stiffness of a step over the viscosity, times a strain that is not there */
+#define ROUND_IT 1.1  /* balls of outlines, so much larger, hold all points of the solids */
 #define SMALLER  0.95 /* cells of the flow: so small at most a solid's are to be */
 
 /* Of a point: how deep in a cell it is, and on which rank, as MPI has it */
@@ -18,14 +19,36 @@ typedef struct {
   int    rank;
 } Answer;
 
-/* Points x [n][dim], the same on all ranks: each is answered by the rank in whose cell it is deepest, of several by the
-   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells, cells[1] (NULL:
-   there are none), answer for if they can; cells[0]: all cells, made when a point needs them; *lost: a point that is in
-   no cell, or -1 */
-static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells[2], PetscInt n, const PetscReal x[],
-                                  const PetscBool lined[], ElasticPoints *p, PetscInt *lost)
+/* Before points of solids with their nodes at x are looked for: cells of this rank, all of them and those inside of
+   solids that the mesh follows (NULL: none), and which solids its cells may hold points of */
+static PetscErrorCode begin_search(Elastic *e, Couple c, const PetscReal x[], PointCells cells[2])
 {
-  const PetscInt dim = e->s->dim;
+  const AlignSurfaces *t;
+  PetscBool           *inside;
+
+  PetscFunctionBeginUser;
+  PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
+  cells[1] = NULL;
+  PetscCall(ElasticSurfacesSet(e->surfaces, x));
+  t = ElasticSurfacesGet(e->surfaces);
+  if (!e->node.reached) PetscCall(PetscMalloc1(e->s->n, &e->node.reached));
+  for (PetscInt k = 0; k < e->s->n; k++)
+    e->node.reached[k] = PointCellsReach(cells[0], t->centre[k], ROUND_IT * t->radius[k]);
+  if (!e->align || !e->labels.cell_solid) PetscFunctionReturn(PETSC_SUCCESS); /* not lined up so far */
+  PetscCall(PetscMalloc1(c->loc->ncell, &inside));
+  for (PetscInt i = 0; i < c->loc->ncell; i++) inside[i] = (PetscBool)(e->labels.cell_solid[i] >= 0);
+  PetscCall(PointCellsCreate(c->mesh, inside, BEYOND, &cells[1]));
+  PetscCall(PetscFree(inside));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Points of the solids, x [][dim], those of solid k from point[k] to before point[k + 1]: each is answered by the rank
+   in whose cell it is deepest, of several by the first; of a solid that the mesh follows by cells inside of it if they
+   can. *lost: a point that is in no cell, or -1 */
+static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells[2], const PetscInt point[],
+                                  const PetscReal x[], ElasticPoints *p, PetscInt *lost)
+{
+  const PetscInt dim = e->s->dim, n = point[e->s->n];
   PetscMPIInt    rank;
   Answer        *mine, *all;
 
@@ -37,14 +60,17 @@ static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells[2], Pet
   *lost = -1;
   for (PetscInt i = 0; i < n; i++) all[i].far = PETSC_MAX_REAL;
   for (PetscInt pass = cells[1] ? 0 : 1; pass < 2; pass++) {
-    for (PetscInt i = 0; i < n; i++) {
-      PetscReal far = PETSC_MAX_REAL;
+    for (PetscInt k = 0; k < e->s->n; k++) {
+      const PetscBool here = (PetscBool)(e->node.reached[k] && (pass || ElasticIsLined(e, k)));
 
-      if (all[i].far < PETSC_MAX_REAL) continue;
-      p->cell[i] = -1;
-      if (pass && !cells[0]) PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
-      if (pass || lined[i]) PetscCall(PointCellsFind(cells[!pass], x + dim * i, &p->cell[i], p->xi + dim * i, &far));
-      mine[i] = (Answer){PetscMax(1, far), rank};
+      for (PetscInt i = point[k]; i < point[k + 1]; i++) {
+        PetscReal far = PETSC_MAX_REAL;
+
+        if (all[i].far < PETSC_MAX_REAL) continue;
+        p->cell[i] = -1;
+        if (here) PetscCall(PointCellsFind(cells[!pass], x + dim * i, &p->cell[i], p->xi + dim * i, &far));
+        mine[i] = (Answer){PetscMax(1, far), rank};
+      }
     }
     PetscCallMPI(MPI_Allreduce(mine, all, (PetscMPIInt)n, MPI_DOUBLE_INT, MPI_MINLOC, c->comm));
   }
@@ -69,60 +95,59 @@ static PetscErrorCode fill_map(Elastic *e, Couple c)
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
+  Mat              one; /* of one component */
 
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&e->P));
-  PetscCall(MatCreateAIJ(c->comm, dim * (e->nodes[1] - e->nodes[0]), dim * l->nnode, PETSC_DETERMINE, PETSC_DETERMINE,
-                         l->nb, NULL, l->nb, NULL, &e->P));
-  for (PetscInt i = 0; i < e->node.n; i++) {
+  PetscCall(MatCreateAIJ(c->comm, e->nodes[1] - e->nodes[0], l->nnode, PETSC_DETERMINE, PETSC_DETERMINE, l->nb, NULL,
+                         l->nb, NULL, &one));
+  for (PetscInt i = 0, k = 0; i < e->node.n; i++) {
     const PetscInt cell = e->node.cell[i];
-    PetscInt       k, node, column[MESH_MAX_NB];
+    PetscInt       column[MESH_MAX_NB];
     PetscReal      phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB];
 
-    if (cell < 0 || group_of_node(e->s, i, &k, &node)->clamped[node]) continue;
+    while (e->s->first[k + 1] <= i) k++;
+    if (cell < 0 || e->s->group[e->s->group_of[k]].clamped[i - e->s->first[k]]) continue;
     ElementBasis(dim, e->node.xi + dim * i, phi, dphi);
     MeshCellScatter(l, cell, 1, phi); /* from lattice positions to the nodes in the slots */
-    for (PetscInt a = 0; a < dim; a++) {
-      const PetscInt row = dim * i + a;
-
-      for (PetscInt j = 0; j < l->nb; j++) column[j] = dim * l->node_global[l->cell_node[cell * l->nb + j]] + a;
-      PetscCall(MatSetValues(e->P, 1, &row, l->nb, column, phi, ADD_VALUES));
-    }
+    for (PetscInt j = 0; j < l->nb; j++) column[j] = l->node_global[l->cell_node[cell * l->nb + j]];
+    PetscCall(MatSetValues(one, 1, &i, l->nb, column, phi, ADD_VALUES));
   }
-  PetscCall(MatAssemblyBegin(e->P, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(e->P, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(one, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(one, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatCreateMAIJ(one, dim, &e->P));
+  PetscCall(MatDestroy(&one));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Positions of the quadrature points of all solids but membranes, [][dim] in the order of solids, cells, points; are
-   the solids followed? */
-static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, PetscBool **lined)
+/* Positions of the quadrature points of all solids but membranes, [][dim] in the order of solids, cells, points, as
+   find_points takes them; of solids that are reached alone */
+static PetscErrorCode list_points(const Elastic *e, PetscInt **point, PetscReal **x)
 {
   const SolidsState *s   = e->s;
   const PetscInt     dim = s->dim;
 
   PetscFunctionBeginUser;
-  *n = 0;
+  PetscCall(PetscMalloc1(s->n + 1, point));
+  (*point)[0] = 0;
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m = &s->group[s->group_of[k]].mesh;
 
-    *n += SolidIsMembrane(m) ? 0 : m->ncell * m->nq;
+    (*point)[k + 1] = (*point)[k] + (SolidIsMembrane(m) ? 0 : m->ncell * m->nq);
   }
-  PetscCall(PetscCalloc2(*n * dim, x, *n, lined));
-  *n = 0;
+  PetscCall(PetscCalloc1((*point)[s->n] * dim, x));
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m  = &s->group[s->group_of[k]].mesh;
     const PetscReal *at = e->x + dim * s->first[k];
+    PetscReal       *to = *x + (*point)[k] * dim;
 
-    for (PetscInt cell = 0; cell < m->ncell && !SolidIsMembrane(m); cell++) {
+    for (PetscInt cell = 0; cell < m->ncell && !SolidIsMembrane(m) && e->node.reached[k]; cell++) {
       PetscReal xc[SOLID_MAX_N];
 
       SolidGather(m, cell, at, xc);
-      for (PetscInt q = 0; q < m->nq; q++, (*n)++) {
-        (*lined)[*n] = ElasticIsLined(e, k);
+      for (PetscInt q = 0; q < m->nq; q++, to += dim)
         for (PetscInt j = 0; j < m->nb; j++)
-          for (PetscInt a = 0; a < dim; a++) (*x)[*n * dim + a] += m->phi[q * m->nb + j] * xc[dim * j + a];
-      }
+          for (PetscInt a = 0; a < dim; a++) to[a] += m->phi[q * m->nb + j] * xc[dim * j + a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -140,21 +165,6 @@ static PetscErrorCode stop_lost(Elastic *e, Couple c, PetscInt i)
           "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g%s): keep it inside, or lower -sim_dt (%g)",
           g->name, (double)c->step->time, (double)e->x[e->s->dim * i], (double)e->x[e->s->dim * i + 1], third,
           (double)c->step->dt);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Those inside solids that the mesh follows (NULL: none) */
-static PetscErrorCode create_inside(Elastic *e, Couple c, PointCells *cells)
-{
-  PetscBool *inside;
-
-  PetscFunctionBeginUser;
-  *cells = NULL;
-  if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(c->loc->ncell, &inside));
-  for (PetscInt i = 0; i < c->loc->ncell; i++) inside[i] = (PetscBool)(e->labels.cell_solid[i] >= 0);
-  PetscCall(PointCellsCreate(c->mesh, inside, BEYOND, cells));
-  PetscCall(PetscFree(inside));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -197,23 +207,18 @@ static PetscErrorCode remark_coarse(Elastic *e, Couple c)
 
 PetscErrorCode ElasticMap(Elastic *e, Couple c)
 {
-  const SolidsState *s        = e->s;
-  PointCells         cells[2] = {NULL, NULL};
-  PetscInt           lost, n;
-  PetscReal         *x;
-  PetscBool         *lined;
+  PointCells cells[2];
+  PetscInt   lost, *point;
+  PetscReal *x;
 
   PetscFunctionBeginUser;
-  PetscCall(create_inside(e, c, &cells[1]));
-  PetscCall(PetscMalloc1(s->nnode, &lined));
-  for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt i = s->first[k]; i < s->first[k + 1]; i++) lined[i] = ElasticIsLined(e, k);
-  PetscCall(find_points(e, c, cells, s->nnode, e->x, lined, &e->node, &lost));
-  PetscCall(PetscFree(lined));
+  PetscCall(begin_search(e, c, e->x, cells));
+  PetscCall(find_points(e, c, cells, e->s->first, e->x, &e->node, &lost));
   if (lost >= 0) PetscCall(stop_lost(e, c, lost));
-  PetscCall(list_points(e, &n, &x, &lined));
-  PetscCall(find_points(e, c, cells, n, x, lined, &e->point, &lost));
-  PetscCall(PetscFree2(x, lined));
+  PetscCall(list_points(e, &point, &x));
+  PetscCall(find_points(e, c, cells, point, x, &e->point, &lost));
+  PetscCall(PetscFree(point));
+  PetscCall(PetscFree(x));
   for (PetscInt i = 0; i < 2; i++) PetscCall(PointCellsDestroy(&cells[i]));
   PetscCall(fill_map(e, c));
   PetscCall(remark_coarse(e, c));
@@ -225,17 +230,18 @@ PetscErrorCode ElasticMap(Elastic *e, Couple c)
 /* Solids whose velocity is not given start with that of the flow at their nodes: another one would be a kick */
 static PetscErrorCode start_with_flow(Elastic *e, Couple c)
 {
-  SolidsState *s        = e->s;
-  PointCells   cells[2] = {NULL, NULL};
+  SolidsState *s = e->s;
+  PointCells   cells[2];
   PetscInt     lost;
   PetscReal   *u;
 
   PetscFunctionBeginUser;
   e->once.started = PETSC_TRUE;
   PetscCall(PetscArraycpy(e->x, s->x, s->nnode * s->dim));
-  PetscCall(find_points(e, c, cells, s->nnode, s->x, NULL, &e->node, &lost));
+  PetscCall(begin_search(e, c, s->x, cells));
+  PetscCall(find_points(e, c, cells, s->first, s->x, &e->node, &lost));
   if (lost >= 0) PetscCall(stop_lost(e, c, lost));
-  PetscCall(PointCellsDestroy(&cells[0]));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(PointCellsDestroy(&cells[i]));
   PetscCall(fill_map(e, c));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   PetscCall(ElasticTakeVelocity(e, c, u));
@@ -272,9 +278,10 @@ static PetscBool is_strained(const Elastic *e, Couple c, PetscInt k)
 
 PetscErrorCode ElasticPredict(Elastic *e, Couple c)
 {
-  const SolidsState *s     = e->s;
-  const FlowStep    *step  = c->step;
-  const PetscReal    ratio = step->order == 2 && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  const SolidsState *s       = e->s;
+  const FlowStep    *step    = c->step;
+  const PetscReal    ratio   = step->order == 2 && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  PetscBool          relaxed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   if (s->time_dt == 0 && !e->once.started) PetscCall(start_with_flow(e, c));
@@ -286,7 +293,30 @@ PetscErrorCode ElasticPredict(Elastic *e, Couple c)
       e->x[i] = e->a[i] + (s->u[i] + more * (s->u[i] - s->u_old[i])) / step->ct;
     }
   }
-  for (PetscInt k = 0; k < s->n; k++)
-    if (is_strained(e, c, k)) PetscCall(SolidsRelax(e->solids, k, 1 / step->ct, e->x + s->dim * s->first[k]));
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++) {
+    if (!is_strained(e, c, k)) continue;
+    relaxed = PETSC_TRUE;
+    PetscCall(SolidsRelax(e->solids, k, 1 / step->ct, e->x + s->dim * s->first[k]));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &relaxed, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
+  if (relaxed) PetscCall(SolidsExchangeNodes(s, s->dim, e->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticFindEnd(Elastic *e, Couple c)
+{
+  const SolidsState *s = e->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++) {
+    const SolidGroup *g     = s->group + s->group_of[k];
+    const PetscInt    first = s->dim * s->first[k], last = s->dim * s->first[k + 1];
+
+    for (PetscInt i = first; i < last; i++) e->end[i] = e->a[i] + e->u[i] / c->step->ct;
+    if (g->membrane || (!g->compressible && !g->nclamped))
+      PetscCall(SolidKeepVolume(&g->mesh, g->clamped, ElasticTensionsGetArea(e, k), e->end + first, e->kept + k));
+  }
+  PetscCall(SolidsExchangeNodes(s, s->dim, e->end));
+  PetscCall(SolidsExchange(s, 1, e->kept));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -35,23 +35,62 @@ static void add_weight(const Elastic *e, Couple c, PetscInt k, const PetscReal s
   for (PetscInt a = 0; a < e->s->dim; a++) *power += ElasticExcess(e, c, k) * c->par->gravity[a] * sum[a];
 }
 
-void ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
+/* motion [n][4] of all solids: what `kinetic` has of them */
+static PetscErrorCode find_motion(const Elastic *e, PetscReal motion[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = e->s->own[0]; k < e->s->own[1]; k++) motion[4 * k] = kinetic(e, k, motion + 4 * k + 1);
+  PetscCall(SolidsExchange(e->s, 4, motion));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAddEnergy(const Elastic *e, Couple c, CouplePower *w)
 {
   const SolidsState *s      = e->s;
-  PetscReal          weight = 0;
+  PetscReal          weight = 0, *motion, *strain;
 
-  for (PetscInt k = 0; k < s->n; k++) {
-    const SolidGroup *g     = s->group + s->group_of[k];
-    const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
-    PetscReal         sum[3], half = kinetic(e, k, sum);
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(4 * s->n, &motion, s->n, &strain));
+  PetscCall(find_motion(e, motion));
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
     SolidSums         sums;
 
     SolidMeasure(&g->mesh, &g->material, e->end + s->dim * s->first[k], &sums);
-    w->energy += (g->density - inner) * half + sums.strain_energy;
-    w->size += g->density * half + sums.strain_energy;
-    add_weight(e, c, k, sum, &weight);
+    strain[k] = sums.strain_energy;
+  }
+  PetscCall(SolidsExchange(s, 1, strain));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal density = s->group[s->group_of[k]].density, inner = ElasticIsLined(e, k) ? 0 : c->par->density;
+
+    w->energy += (density - inner) * motion[4 * k] + strain[k];
+    w->size += density * motion[4 * k] + strain[k];
+    add_weight(e, c, k, motion + 4 * k + 1, &weight);
   }
   w->power += weight + e->supplied;
+  PetscCall(PetscFree2(motion, strain));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAddPull(const Elastic *e, PetscReal *size)
+{
+  const SolidsState *s = e->s;
+  PetscReal         *pull;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(s->n, &pull));
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++) {
+    const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+    SolidSums        sums;
+
+    if (!SolidIsMembrane(m)) continue;
+    SolidsMeasure(e->solids, k, &sums);
+    pull[k] = sums.strain_energy / m->radius;
+  }
+  PetscCall(SolidsExchange(s, 1, pull));
+  for (PetscInt k = 0; k < s->n; k++) *size += pull[k];
+  PetscCall(PetscFree(pull));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of the cells of solids that this rank has: what their own viscosity takes */
@@ -129,16 +168,16 @@ static PetscErrorCode push_power(const Elastic *e, Couple c, PetscReal *power)
 
 PetscErrorCode ElasticAddLosses(const Elastic *e, Couple c, CoupleLosses *w)
 {
-  PetscReal total, flux[3], sum_u[3], inertia = 0, force = 0, weight = 0;
+  PetscReal total, flux[3], *motion, inertia = 0, force = 0, weight = 0;
   PetscReal sum[6] = {viscous_power(e), ElasticContactPower(e), 0, volume_power(e, c->field.p)};
 
   PetscFunctionBeginUser;
   PetscCall(total_power(e, &total));
   PetscCall(push_power(e, c, &sum[2]));
-  for (PetscInt k = 0; k < e->s->n; k++) {
-    (void)kinetic(e, k, sum_u);
-    add_weight(e, c, k, sum_u, &weight);
-  }
+  PetscCall(PetscMalloc1(4 * e->s->n, &motion));
+  PetscCall(find_motion(e, motion));
+  for (PetscInt k = 0; k < e->s->n; k++) add_weight(e, c, k, motion + 4 * k + 1, &weight);
+  PetscCall(PetscFree(motion));
   if (e->align) {
     PetscCall(ElasticInertiaPower(&e->inertia, c->mesh, c->loc, c->field.u, &inertia, &force, flux));
     for (PetscInt a = 0; a < e->s->dim; a++) force -= c->par->density * c->par->gravity[a] * flux[a];

@@ -21,6 +21,7 @@ struct _p_ElasticSurfaces {
   Side              *side;
   PetscInt          *corner, *first_corner; /* nodes; [n + 1] */
   ElasticFaces       faces;                 /* in space, where there are no edges; NULL: in the plane */
+  PetscBool          known;                 /* all below, of these x */
   PetscReal         *x;                     /* [nnode][dim] */
   PetscInt          *number;
   PetscBool         *own, *inactive;
@@ -275,17 +276,20 @@ PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
 {
   const SolidsState *s = b->s;
 
+  PetscBool same;
+
   PetscFunctionBeginUser;
+  PetscCall(PetscArraycmp(b->x, x, s->dim * s->nnode, &same));
+  if (b->known && same) PetscFunctionReturn(PETSC_SUCCESS);
+  b->known = PETSC_TRUE;
   PetscCall(PetscArraycpy(b->x, x, s->dim * s->nnode));
   if (b->faces) ElasticFacesSet(b->faces, b->x);
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++)
+    b->volume[k] = SolidFindVolume(&s->group[s->group_of[k]].mesh, x + s->dim * s->first[k], b->centre[k]);
+  PetscCall(SolidsExchange(s, 1, b->volume));
+  PetscCall(SolidsExchange(s, 3, b->centre[0]));
   for (PetscInt k = 0; k < s->n; k++) {
-    const SolidGroup *g = s->group + s->group_of[k];
-    SolidSums         sums;
-
-    SolidMeasure(&g->mesh, &g->material, x + s->dim * s->first[k], &sums);
-    b->volume[k] = sums.volume;
     b->radius[k] = 0;
-    for (PetscInt a = 0; a < s->dim; a++) b->centre[k][a] = sums.centroid[a];
     if (b->faces) set_ball(b, k);
     else set_sides(b, k);
   }

@@ -87,9 +87,9 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
   for (PetscInt i = 0; i < n * n; i++) A[i] += g->viscosity * V[i];
 }
 
-/* Numbers n of nodes that the row of node i of a solid has entries at, those from `start` to `end` of it and others:
-   what cells tie, or bending, which ties what is around a node. seen [nnode]: at first -1 */
-static void count_row(const SolidGroup *g, PetscInt i, PetscInt start, PetscInt end, PetscInt seen[], PetscInt n[2])
+/* Numbers n of nodes, itself and later ones, that the row of node i of a solid has entries at, those before `end` of it
+   and others: what cells tie, or bending, which ties what is around a node. seen [nnode]: at first -1 */
+static void count_row(const SolidGroup *g, PetscInt i, PetscInt end, PetscInt seen[], PetscInt n[2])
 {
   const SolidMesh *m = &g->mesh;
 
@@ -101,18 +101,17 @@ static void count_row(const SolidGroup *g, PetscInt i, PetscInt start, PetscInt 
                    count = far ? m->around[at + 1] - m->around[at] : 1;
 
     for (PetscInt e = 0; e < count; e++) {
-      if (seen[node[e]] == i) continue;
+      if (seen[node[e]] == i || node[e] < i) continue;
       seen[node[e]] = i;
-      n[node[e] < start || node[e] >= end]++;
+      n[node[e] >= end]++;
     }
   }
 }
 
-/* Entries of the rows of nodes from `start` to `end`, of columns among these and of others */
+/* Blocks of the rows of nodes from `start` to `end`, of columns among these and of others */
 static PetscErrorCode count_entries(const Elastic *e, PetscInt start, PetscInt end, PetscInt own[], PetscInt others[])
 {
-  const SolidsState *s   = e->s;
-  const PetscInt     dim = s->dim;
+  const SolidsState *s = e->s;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
@@ -122,32 +121,28 @@ static PetscErrorCode count_entries(const Elastic *e, PetscInt start, PetscInt e
     PetscCall(PetscMalloc1(g->mesh.nnode, &seen));
     for (PetscInt i = 0; i < g->mesh.nnode; i++) seen[i] = -1;
     for (PetscInt i = PetscMax(start, first); i < PetscMin(end, s->first[k + 1]); i++) {
-      count_row(g, i - first, start - first, end - first, seen, n);
-      for (PetscInt a = 0; a < dim; a++) {
-        own[(i - start) * dim + a]    = n[0] * dim;
-        others[(i - start) * dim + a] = n[1] * dim;
-      }
+      count_row(g, i - first, end - first, seen, n);
+      own[i - start]    = n[0];
+      others[i - start] = n[1];
     }
     PetscCall(PetscFree(seen));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What two solids that touch have in each other's rows comes on top, at most so many */
+/* What two solids that touch have in each other's rows comes on top, at most so many; n own nodes */
 static PetscErrorCode count_contacts(const Elastic *e, MPI_Comm comm, PetscInt n, PetscInt own[], PetscInt others[])
 {
   const PetscReal *more;
-  PetscInt         all;
   Vec              entries;
 
   PetscFunctionBeginUser;
   PetscCall(VecCreateMPI(comm, n, PETSC_DETERMINE, &entries));
   PetscCall(ElasticCountContacts(e, entries));
-  PetscCall(VecGetSize(entries, &all));
   PetscCall(VecGetArrayRead(entries, &more));
   for (PetscInt i = 0; i < n; i++) {
     own[i]    = PetscMin(n, own[i] + (PetscInt)more[i]);
-    others[i] = PetscMin(all - n, others[i] + (PetscInt)more[i]);
+    others[i] = PetscMin(e->s->nnode - n, others[i] + (PetscInt)more[i]);
   }
   PetscCall(VecRestoreArrayRead(entries, &more));
   PetscCall(VecDestroy(&entries));
@@ -162,10 +157,11 @@ PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
   PetscFunctionBeginUser;
   PetscCall(PetscSplitOwnership(comm, &n, &all));
   PetscCallMPI(MPI_Scan(&n, &end, 1, MPIU_INT, MPI_SUM, comm));
-  PetscCall(PetscMalloc2(dim * n, &own, dim * n, &others));
+  PetscCall(PetscMalloc2(n, &own, n, &others));
   PetscCall(count_entries(e, end - n, end, own, others));
-  if (e->contacts.joined) PetscCall(count_contacts(e, comm, dim * n, own, others));
-  PetscCall(MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 0, own, 0, others, &e->K));
+  if (e->contacts.joined) PetscCall(count_contacts(e, comm, n, own, others));
+  PetscCall(MatCreateSBAIJ(comm, dim, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 0, own, 0, others, &e->K));
+  PetscCall(MatSetOption(e->K, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(PetscFree2(own, others));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -238,19 +234,17 @@ static PetscErrorCode assemble_solids(Elastic *e, Couple c)
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh  *m       = &s->group[s->group_of[k]].mesh;
     const StepNumbers numbers = get_numbers(e, c, k);
-    const PetscInt    n       = m->nb * m->dim;
 
     for (PetscInt cell = 0; cell < m->ncell; cell++) {
       const PetscInt first = s->first[k] + m->cell_node[cell * m->nb];
       PetscReal      A[SOLID_MAX_N * SOLID_MAX_N], r[SOLID_MAX_N];
-      PetscInt       row[SOLID_MAX_N];
+      PetscInt       node[27];
 
       if (first < e->nodes[0] || first >= e->nodes[1]) continue;
       add_cell(e, &numbers, k, cell, A, r);
-      for (PetscInt i = 0; i < n; i++)
-        row[i] = m->dim * (s->first[k] + m->cell_node[cell * m->nb + i / m->dim]) + i % m->dim;
-      PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
-      PetscCall(VecSetValues(e->fs, n, row, r, ADD_VALUES));
+      for (PetscInt i = 0; i < m->nb; i++) node[i] = s->first[k] + m->cell_node[cell * m->nb + i];
+      PetscCall(MatSetValuesBlocked(e->K, m->nb, node, m->nb, node, A, ADD_VALUES));
+      PetscCall(VecSetValuesBlocked(e->fs, m->nb, node, r, ADD_VALUES));
     }
     if (s->group[s->group_of[k]].material.bending > 0) PetscCall(add_bending(e, k, numbers.bdt));
   }
@@ -403,7 +397,8 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
     *any_C                  = (PetscBool)(*any_C || g->compressible);
     const PetscBool at_rest = is_at_rest(e, k);
 
-    for (PetscInt cell = 0; cell < m->ncell && !g->membrane; cell++) {
+    if (!e->node.reached[k]) point += g->membrane ? 0 : m->ncell * m->nq;
+    for (PetscInt cell = 0; cell < m->ncell && !g->membrane && e->node.reached[k]; cell++) {
       PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N], now[SOLID_MAX_N];
 
       SolidGather(m, cell, e->x + m->dim * s->first[k], x);

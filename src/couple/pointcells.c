@@ -16,6 +16,7 @@ struct _p_PointCells {
   PetscReal       *box;               /* [ncell][2][3] what a cell answers for lies in: its middle, half its widths */
   PetscInt         n[3], *ptr, *cell; /* bins along each axis, cells of bin b: ptr[b] to ptr[b + 1] */
   PetscReal        lower[3], size[3];
+  PetscReal        middle[3], half[3]; /* box that holds those of all cells, or an image of each; half < 0: no cell */
 };
 
 static PetscErrorCode get_coordinates(PointCells p, PetscInt c, PetscReal xc[])
@@ -101,6 +102,28 @@ static PetscErrorCode fill_bins(PointCells p, PetscInt nbins, const PetscBool wa
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The box of all wanted cells (NULL: all), images as near as they come to the first of them */
+static void find_whole(PointCells p, const PetscBool wanted[])
+{
+  PetscReal low[3], high[3];
+  PetscInt  first = -1;
+
+  for (PetscInt a = 0; a < 3; a++) p->half[a] = -1;
+  for (PetscInt c = 0; c < p->ncell; c++) {
+    if (wanted && !wanted[c]) continue;
+    first = first < 0 ? c : first;
+    for (PetscInt a = 0; a < p->dim; a++) {
+      const PetscReal mid  = DomainNearest(p->period[a], p->box[6 * c + a], p->box[6 * first + a]),
+                      half = p->box[6 * c + 3 + a];
+
+      low[a]       = c == first ? mid - half : PetscMin(low[a], mid - half);
+      high[a]      = c == first ? mid + half : PetscMax(high[a], mid + half);
+      p->middle[a] = 0.5 * (low[a] + high[a]);
+      p->half[a]   = 0.5 * (high[a] - low[a]);
+    }
+  }
+}
+
 /* Bins over the boxes of the wanted cells (NULL: all) */
 static PetscErrorCode make_bins(PointCells p, const PetscBool wanted[])
 {
@@ -133,6 +156,7 @@ static PetscErrorCode make_bins(PointCells p, const PetscBool wanted[])
     p->size[d]  = d < p->dim && n ? (high[d] - low[d]) / (PetscReal)p->n[d] : 1;
     nbins *= p->n[d];
   }
+  find_whole(p, wanted);
   PetscCall(fill_bins(p, nbins, wanted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -181,6 +205,15 @@ PetscErrorCode PointCellsDestroy(PointCells *cells)
   PetscCall(PetscFree((*cells)->cell));
   PetscCall(PetscFree(*cells));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool PointCellsReach(PointCells p, const PetscReal centre[], PetscReal radius)
+{
+  for (PetscInt a = 0; a < p->dim; a++)
+    if (PetscAbsReal(DomainNearest(p->period[a], centre[a], p->middle[a]) - p->middle[a]) > p->half[a] + radius ||
+        p->half[a] < 0)
+      return PETSC_FALSE;
+  return PETSC_TRUE;
 }
 
 /* How far x is from the middle of cell c's box, where it ends at 1 */

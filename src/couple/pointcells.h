@@ -12,6 +12,8 @@ PetscErrorCode PointCellsCreate(Mesh, const PetscBool wanted[], PetscReal beyond
 PetscErrorCode PointCellsCreateOf(PetscInt dim, PetscInt ncell, const PetscInt node[], const PetscReal x[],
                                   PetscReal beyond, PointCells *cells);
 PetscErrorCode PointCellsDestroy(PointCells *);
+/* May one of the cells answer for a point of this ball (of its image in a periodic box)? Not collective. */
+PetscBool PointCellsReach(PointCells, const PetscReal centre[], PetscReal radius);
 /* The own cell in whose reference frame x [dim] is deepest, and xi [dim] there; *far: the largest |xi|. *cell -1: none
    within reach, *far is the largest number. Not collective. */
 PetscErrorCode PointCellsFind(PointCells, const PetscReal x[], PetscInt *cell, PetscReal xi[], PetscReal *far);

@@ -213,8 +213,15 @@ PetscErrorCode OwnersSumVolumes(const struct _p_Flow *f, const PetscReal p[], Pe
 /* As a matrix, which get_matrix then has */
 static PetscErrorCode form_operator(OwnedOperator *o)
 {
+  Mat E, P;
+
   PetscFunctionBeginUser;
-  if (o->is.P && !o->formed) PetscCall(MatrixProject(o->is.E, o->is.P, &o->formed));
+  if (!o->is.P || o->formed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatConvert(o->is.E, MATAIJ, MAT_INITIAL_MATRIX, &E));
+  PetscCall(MatConvert(o->is.P, MATAIJ, MAT_INITIAL_MATRIX, &P));
+  PetscCall(MatrixProject(E, P, &o->formed));
+  PetscCall(MatDestroy(&E));
+  PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,10 +234,12 @@ static Mat get_matrix(const OwnedOperator *o)
 static PetscErrorCode keep_cheaper(OwnedOperator *o)
 {
   MatInfo P, E, formed;
+  Mat     one;
 
   PetscFunctionBeginUser;
   if (!o->formed) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetInfo(o->is.P, MAT_GLOBAL_SUM, &P));
+  PetscCall(MatMAIJGetAIJ(o->is.P, &one));
+  PetscCall(MatGetInfo(one, MAT_GLOBAL_SUM, &P));
   PetscCall(MatGetInfo(o->is.E, MAT_GLOBAL_SUM, &E));
   PetscCall(MatGetInfo(o->formed, MAT_GLOBAL_SUM, &formed));
   if (formed.nz_used > E.nz_used + 2 * P.nz_used) PetscCall(MatDestroy(&o->formed));

@@ -127,22 +127,21 @@ static PetscErrorCode measure(SolidReport r, PetscInt k, PetscReal v[NGROUP])
   v[OF_KEPT]    = r->couple ? CoupleGetVolumeKept(r->couple, k) : 0;
   v[OF_AREA]    = group->membrane ? sums.area / group->mesh.area - 1 : 0;
   v[OF_TENSION] = r->s->tension[k];
-  r->kept       = PetscMax(r->kept, PetscAbsReal(v[OF_KEPT]));
-  if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of several: energy and force of all, the largest stretch and the volume that is furthest off, means of the rest */
-static PetscErrorCode set_group(SolidReport r, PetscInt g)
+static PetscErrorCode set_group(SolidReport r, PetscInt g, const PetscReal value[][NGROUP])
 {
   const SolidGroup *group       = r->s->group + g;
   PetscReal         all[NGROUP] = {0};
 
   PetscFunctionBeginUser;
   for (PetscInt k = group->first; k < group->first + group->count; k++) {
-    PetscReal v[NGROUP] = {0};
+    const PetscReal *v = value[k];
 
-    PetscCall(measure(r, k, v));
+    r->kept = PetscMax(r->kept, PetscAbsReal(v[OF_KEPT]));
+    if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
     for (PetscInt i = 0; i < NGROUP; i++) {
       if (i == OF_VOLUME || i == OF_KEPT) all[i] = PetscAbsReal(v[i]) > PetscAbsReal(all[i]) ? v[i] : all[i];
       else if (i == OF_STRETCH) all[i] = PetscMax(all[i], v[i]);
@@ -160,13 +159,17 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
 PetscErrorCode SolidReportStep(SolidReport r)
 {
   PetscInt nwatch = 0, immersed = -1;
+  PetscReal(*value)[NGROUP]; /* of all solids */
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(r->s->n, &value));
+  for (PetscInt k = r->s->own[0]; k < r->s->own[1]; k++) PetscCall(measure(r, k, value[k]));
+  PetscCall(SolidsExchange(r->s, NGROUP, value[0]));
   for (PetscInt g = 0; g < r->s->ngroups; g++) {
     const SolidGroup *group = r->s->group + g;
 
-    PetscCall(set_group(r, g));
+    PetscCall(set_group(r, g, (const PetscReal(*)[NGROUP])value));
     for (PetscInt w = 0; w < group->nwatch; w++)
       for (PetscInt a = 0; a < r->s->dim; a++, nwatch++) {
         const PetscInt i = r->s->dim * (r->s->first[group->first] + group->watch[w]) + a;
@@ -174,6 +177,7 @@ PetscErrorCode SolidReportStep(SolidReport r)
         PetscCall(MonitorSetColumn(r->monitor, r->watch[nwatch], r->s->x[i] - r->s->X[i]));
       }
   }
+  PetscCall(PetscFree(value));
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_error_max", r->worst));
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_kept_max", r->kept));
   if (r->couple) immersed = CoupleCountImmersed(r->couple);

@@ -39,30 +39,11 @@ static void find_normals(const SolidMesh *m, const PetscBool held[], const Petsc
   }
 }
 
-/* The volume of a solid and its centroid */
-static PetscReal find_volume(const SolidMesh *m, const PetscReal x[], PetscReal centroid[3])
-{
-  PetscReal volume = 0;
-
-  for (PetscInt a = 0; a < 3; a++) centroid[a] = 0;
-  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
-    PetscReal xc[SOLID_MAX_N], F[9], at[3], w;
-
-    SolidGather(m, i / m->nq, x, xc);
-    w = m->weight[i] * SolidGradient(m, i / m->nq, i % m->nq, xc, F);
-    SolidLocate(m, i % m->nq, xc, at);
-    volume += w;
-    for (PetscInt a = 0; a < 3; a++) centroid[a] += w * at[a];
-  }
-  for (PetscInt a = 0; a < 3; a++) centroid[a] /= volume;
-  return volume;
-}
-
 /* All of a solid as much larger or smaller */
 static void scale(const SolidMesh *m, PetscReal x[], PetscReal *error)
 {
   PetscReal       centroid[3];
-  const PetscReal volume = find_volume(m, x, centroid),
+  const PetscReal volume = SolidFindVolume(m, x, centroid),
                   factor = PetscPowReal(m->volume / volume, 1 / (PetscReal)m->dim);
 
   *error = volume / m->volume - 1;

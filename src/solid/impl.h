@@ -16,6 +16,7 @@ struct _p_Solids {
   SolidsState  s;
   SolidGroup  *group;
   PetscInt    *group_of, *first;
+  PetscInt    *start;  /* [ranks + 1] first own solid of a rank */
   SolidNewton *newton; /* [n] NULL: none so far */
 };
 

@@ -55,6 +55,29 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
   if (m->nd == 2 && dim == 2) s->rotation = PetscAtan2Real(mean[dim] - mean[1], mean[0] + mean[dim + 1]);
 }
 
+PetscReal SolidFindVolume(const SolidMesh *m, const PetscReal x[], PetscReal centroid[3])
+{
+  PetscReal volume = 0;
+
+  for (PetscInt a = 0; a < 3; a++) centroid[a] = 0;
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    PetscReal xc[SOLID_MAX_N];
+
+    SolidGather(m, c, x, xc);
+    for (PetscInt q = 0; q < m->nq; q++) {
+      const PetscReal w = m->weight[c * m->nq + q];
+      PetscReal       F[9], at[3], dV[3], J = SolidGradient(m, c, q, xc, F);
+
+      SolidLocate(m, q, xc, at);
+      get_volumes(m, F, J, at, dV);
+      volume += w * dV[0];
+      for (PetscInt a = 0; a < m->dim; a++) centroid[a] += w * dV[1] * at[a];
+    }
+  }
+  for (PetscInt a = 0; a < 3; a++) centroid[a] /= volume;
+  return volume;
+}
+
 void SolidMeanVelocity(const SolidMesh *m, const PetscReal x[], const PetscReal u[], PetscReal mean[3])
 {
   PetscReal volume = 0;

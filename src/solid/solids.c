@@ -212,6 +212,25 @@ static PetscErrorCode number_solids(Solids b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Ranks get about the same number of nodes, in whole solids */
+static PetscErrorCode distribute(Solids b)
+{
+  SolidsState *s = &b->s;
+  PetscMPIInt  rank, size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(b->comm, &rank));
+  PetscCallMPI(MPI_Comm_size(b->comm, &size));
+  PetscCall(PetscMalloc1(size + 1, &b->start));
+  for (PetscInt r = 0, k = 0; r <= size; r++) {
+    while (k < s->n && size * b->first[k] < r * s->nnode) k++;
+    b->start[r] = k;
+  }
+  s->own[0] = b->start[rank];
+  s->own[1] = b->start[rank + 1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Options that say where a point of the one solid of a group is */
 static PetscErrorCode refuse_points(const SolidGroup *g)
 {
@@ -294,6 +313,7 @@ static PetscErrorCode create_groups(Solids b, PetscReal size, const PetscReal lo
     s->n += g->count;
   }
   PetscCall(number_solids(b));
+  PetscCall(distribute(b));
   for (PetscInt i = 0; i < s->ngroups; i++) {
     PetscCall(place_solids(b, b->group + i, place[i], moves[i]));
     PetscCall(PetscFree(place[i]));
@@ -313,9 +333,10 @@ PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, const P
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
-  b->comm  = comm;
-  b->s.dim = dim;
-  *solids  = b;
+  b->comm   = comm;
+  b->s.dim  = dim;
+  b->s.comm = comm;
+  *solids   = b;
   PetscCall(list_groups(b));
   if (!b->s.ngroups) {
     PetscCall(SolidsDestroy(solids));
@@ -325,6 +346,7 @@ PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, const P
   b->s.group    = b->group;
   b->s.group_of = b->group_of;
   b->s.first    = b->first;
+  b->s.start    = b->start;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -344,6 +366,7 @@ PetscErrorCode SolidsDestroy(Solids *solids)
   }
   PetscCall(PetscFree(b->group));
   PetscCall(PetscFree2(b->group_of, b->first));
+  PetscCall(PetscFree(b->start));
   PetscCall(PetscFree6(b->s.X, b->s.x, b->s.x_old, b->s.u, b->s.u_old, b->s.tension));
   PetscCall(PetscFree(*solids));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -401,6 +424,40 @@ void SolidsMeasure(Solids b, PetscInt k, SolidSums *sums)
   const SolidGroup *g = b->group + b->group_of[k];
 
   SolidMeasure(&g->mesh, &g->material, b->s.x + b->s.dim * b->first[k], sums);
+}
+
+/* bound [n + 1]: where in v what is of a solid begins, times the width; NULL: with its number */
+static PetscErrorCode exchange_values(const SolidsState *s, const PetscInt bound[], PetscInt width, PetscReal v[])
+{
+  PetscMPIInt size, *count, *at;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(s->comm, &size));
+  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc2(size, &count, size, &at));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    const PetscInt first = s->start[r], last = s->start[r + 1];
+
+    PetscCall(PetscMPIIntCast(width * (bound ? bound[first] : first), &at[r]));
+    PetscCall(PetscMPIIntCast(width * (bound ? bound[last] - bound[first] : last - first), &count[r]));
+  }
+  PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, v, count, at, MPIU_REAL, s->comm));
+  PetscCall(PetscFree2(count, at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsExchange(const SolidsState *s, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(exchange_values(s, NULL, width, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsExchangeNodes(const SolidsState *s, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(exchange_values(s, s->first, width, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const PetscReal u[], const PetscReal tension[])
