@@ -268,8 +268,9 @@ static PetscErrorCode assemble(Couple c, void *data)
 }
 
 /* e->load [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
-   bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow, and its inertia and
-   weight there. e->supplied: the power of what prescribes the others, against that */
+   bodies (of free ones it is part of the force): (fs - K u_s) at its nodes times the part of them that moves with such
+   nodes of the flow, and its inertia and weight there. e->supplied: the power of what prescribes the others, against
+   that */
 static PetscErrorCode measure_force(Elastic *e, Couple c)
 {
   const MeshLocal     *l   = c->loc;
@@ -284,7 +285,11 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(PetscMalloc1(l->nnode_all * dim, &one));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) one[i] = body[i / dim] < 0 && !((fixed[i / dim] >> (i % dim)) & 1);
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) {
+    const PetscInt k = body[i / dim];
+
+    one[i] = k < 0 ? !((fixed[i / dim] >> (i % dim)) & 1) : (c->rigid.unknown[k] >> (i % dim)) & 1;
+  }
   PetscCall(VecCreateMPIWithArray(c->comm, dim, l->nnode * dim, PETSC_DETERMINE, one, &free));
   PetscCall(VecDuplicate(e->us, &weight));
   PetscCall(VecDuplicate(e->us, &residual));

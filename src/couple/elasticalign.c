@@ -218,10 +218,10 @@ PetscErrorCode CoupleCanAlignSolids(PetscInt dim, Bodies bodies, Solids solids, 
     *why =
       "-couple_method aligned: the mesh is lined up with membranes or with elastic solids, not with both: use -couple_method penalty, which immerses "
       "them";
-  else if (still && rigid->nall && dim == 3)
+  else if (rigid->nall && dim == 3)
     *why =
-      "-couple_method aligned: in space the mesh is lined up with elastic particles and rigid bodies that move, not with such as stand still: use "
-      "-couple_method penalty, which immerses elastic ones";
+      "-couple_method aligned: in space the mesh follows elastic particles, or rigid bodies, not both: use -couple_method penalty, which immerses "
+      "elastic ones";
   else if (still && rigid->nall && tracks)
     *why =
       "-mesh_track true: with -couple_method aligned the mesh is lined up with rigid bodies once, before elastic particles: use "

@@ -347,7 +347,7 @@ def fall(run, name, method, steps, ranks=1, folder="out", options=()):
     return series
 
 
-@pytest.mark.parametrize("method, other, lowest, speed", [("penalty", "free: none", 1.6, 0.3), ("aligned", "free: none", 1.6, 0.3), ("penalty", "free: all", 1.4, 0.9), ("aligned", SOFTER, 1.4, 0.9)])
+@pytest.mark.parametrize("method, other, lowest, speed", [("penalty", "free: none", 1.6, 0.3), ("aligned", "free: none", 1.6, 0.3), ("penalty", "free: all", 1.4, 0.9), ("aligned", "free: all", 1.4, 0.9), ("aligned", SOFTER, 1.4, 0.9)])
 def test_contact(run, scene, method, other, lowest, speed):
     """A soft disc comes to rest on what is below, or slows down with it, and does not go on through it (bounds on the speed set after it was seen)."""
     series = fall(run, scene(FALL.replace("OTHER", other)), method, 32)
