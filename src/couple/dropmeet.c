@@ -25,6 +25,7 @@
 #include "flow/condition.h"
 
 #define PIECES 12  /* of an edge or along both directions of a face, where the surface of a body cuts it */
+#define ACROSS 0.9 /* of its radius: a body whose centre is nearer to a wall lies across it */
 #define POINTS 600 /* of a body's surface, in space ten times as many */
 
 /* As the owner of a body tells all ranks, numbers as reals */
@@ -128,23 +129,53 @@ static void predict_insides(DropsState *s)
   }
 }
 
-/* Are walls mirrors for all that wets them: is its contact angle a right one? */
-static PetscBool walls_mirror(const DropsState *s)
+/* The first group for which walls are no mirrors: that wets them, and not at a right angle; -1: there is none */
+static PetscInt find_unlike_mirror(const DropsState *s)
 {
-  PetscBool all = PETSC_TRUE;
-
   for (PetscInt g = 0; g < s->ngroups; g++)
-    all = (PetscBool)(all && (!s->group[g].wets || PetscAbsReal(PetscCosReal(s->group[g].contact)) < PETSC_SMALL));
-  return all;
+    if (s->group[g].wets && PetscAbsReal(PetscCosReal(s->group[g].contact)) >= PETSC_SMALL) return g;
+  return -1;
+}
+
+/* Error: at the start a body that is wetted lies across a wall that is no mirror. Collective. */
+static PetscErrorCode check_mirrors(const CoupleDrops *f, Couple c)
+{
+  const MeshLocal *l    = c->loc;
+  const PetscInt  *wets = PhaseSurfacesGet(f->surfaces)->ends_on, group = find_unlike_mirror(f->s);
+  PetscInt         at = -1, side; /* 6 times group of the body, and the side */
+
+  PetscFunctionBeginUser;
+  if (group < 0 || !wets) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2 * l->dim * c->s->n; i++) {
+    const PetscInt  k = i / (2 * l->dim), s = i % (2 * l->dim), a = s / 2;
+    const PetscReal gap = s % 2 ? l->upper[a] - c->s->x[k][a] : c->s->x[k][a] - l->lower[a];
+
+    if (is_wetted(f, c, k) && *wets >> s & 1 && gap < ACROSS * BodiesGetRadius(c->s, k))
+      at = PetscMax(at, 6 * c->s->body_group[k] + s);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
+  if (at < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  side = at % 6;
+  SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
+          "A body of group '%s' lies across the side %c = %g of the domain, which is no mirror, since the fluid '%s' meets it at %.3g degrees: "
+          "give -particle_%s_contact_angle 90 deg, or move the body (-particle_%s_position)",
+          c->s->group[at / 6].name, "xyz"[side / 2], (double)(side % 2 ? l->upper : l->lower)[side / 2],
+          f -> s -> group[group].name, (double)(f->s->group[group].contact * 180 / PETSC_PI), f->s->group[group].name,
+          c->s->group[at / 6].name);
 }
 
 PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 {
   WettedBodies s     = {.c = c, .f = f};
-  PhaseSolid   solid = {.ctx = &s, .h = c->loc->h, .mirrors = walls_mirror(f->s), .distance = distance, .level = level};
+  PhaseSolid   solid = {.ctx      = &s,
+                        .h        = c->loc->h,
+                        .mirrors  = (PetscBool)(find_unlike_mirror(f->s) < 0),
+                        .distance = distance,
+                        .level    = level};
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->lined_up) PetscCall(check_mirrors(f, c));
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   PetscCall(gather_bodies(f, c, PETSC_FALSE, &s));
   if (c->loc->dim == 2) PetscCall(PhaseCurveMeet(&f->interface.curve, &solid));

@@ -213,6 +213,31 @@ def test_thread(run, scene):
     assert math.log(p / 2 + math.sqrt(p * p / 4 + q)) / 0.8 == pytest.approx(0.28042, rel=0.01)
 
 
+BALLS = """
+mesh: {cells: [12, 5, 5], lower: [-0.63, 0, 0], upper: [0.63, 0.54, 0.54]}
+flow: {density: 1, viscosity: 0.1, solver: balanced, velocity: "-x,y/2,z/2", bc_left: &s {type: inflow, velocity: "-x,y/2,z/2"}, bc_right: *s, bc_top: *s, bc_front: *s, bc_bottom: &m {type: slip}, bc_back: *m}
+particle:
+  groups: drop
+  drop: {region: "min(sqrt((x - 0.285)^2 + y^2 + z^2), sqrt((x + 0.285)^2 + y^2 + z^2)) - 0.23", material: fluid, density: 1, surface_tension: 0.5, contact_angle: 90 deg}
+sim: {dt: 0.04, steps: 6}
+monitor: {energy: true}
+output: {every: 0}
+"""
+
+
+def test_merging(run, scene):
+    """Two balls that a flow presses together, a quarter between mirrors: volume is kept where they merge and after it; energy's books close, with what the event took."""
+    result = run([scene(BALLS), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    series = read_rows(result.folder / "out" / "series.csv")
+    assert [row["drops_merged"] for row in series] == [0] * 3 + [1] * 3 and all(row["drops_broken"] == 0 for row in series)
+    assert max(row["drop_volume_error"] for row in series) < 1e-4 and series[-1]["drop_volume_error"] < 1e-8
+    assert [row["energy_events"] != 0 for row in series] == [False] * 3 + [True] * 3
+    left = [row["energy"] - row["energy_supplied"] + sum(row[f"energy_{name}"] for name in ("dissipated", "boundary", "scheme", "events")) for row in series]
+    viscous = [row["energy_dissipated"] for row in series]
+    assert all(abs(left[i] - left[i - 1]) < 1e-3 * (viscous[i] - viscous[i - 1]) for i in range(1, 6)), left
+
+
 CAP = """
 mesh: {cells: [8, 4, 8], upper: [1.5, 0.75, 1.5]}
 flow: {density: 1, viscosity: 1, solver: direct, bc_bottom: {type: slip}}
@@ -293,6 +318,12 @@ def test_floating_quarter(run, scene):
     mesh, fields, bodies = (h5py.File(result.folder / "out" / f"{name}_2.h5") for name in ("mesh", "fields", "bodies"))
     inside = np.linalg.norm(mesh["coordinates"][:] - bodies["position"][0], axis=1) < 0.15
     assert inside.sum() > 10 and np.abs(fields["velocity"][:][inside] - bodies["velocity"][0]).max() < 1e-3
+
+
+def test_no_mirror(run, scene):
+    """A quarter of a ball between walls that the water meets at another angle than 90 degrees: these are no mirrors."""
+    result = run([scene(LAYER), *FLOATS, "-output_dir", "out", "-mesh_cells", "5,7,5", "-mesh_lower", "0,-0.5,0", "-particle_ball_contact_angle", "90deg", "-particle_water_contact_angle", "75deg"])
+    assert result.status and "which is no mirror" in result.err and result.err.count("error:") == 1, str(result)
 
 
 def test_floating_energy(run, scene):
