@@ -154,7 +154,7 @@ PetscErrorCode SolidPromiseCheck(Mesh mesh, Bodies bodies, Solids solids, PetscI
   SolidsState     *s;
   Stream           stream = {.speed = 0};
   char             text[512];
-  PetscBool        can, still, aligned;
+  PetscBool        can, aligned;
   Breach           b;
 
   PetscFunctionBeginUser;
@@ -163,15 +163,11 @@ PetscErrorCode SolidPromiseCheck(Mesh mesh, Bodies bodies, Solids solids, PetscI
   PetscCall(SolidsGetState(solids, &s));
   PetscCall(PromiseIsAligned(&aligned));
   PetscCall(SolidPromiseCanAlign(l, bodies, solids, &can));
-  PetscCall(BodiesAreStill(bodies, &still));
   PetscCall(StreamFind(mesh, bodies, PETSC_FALSE, &stream));
   PetscCall(find_breach(l, s, &stream, preset, aligned, &b));
   if (b.needed == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(describe(l, s, &stream, preset, aligned,
-                     can      ? ", use -couple_method aligned"
-                     : !still ? ", hold rigid bodies (-particle_<group>_free none), beside which the mesh is lined up"
-                              : "",
-                     &b, text, sizeof(text)));
+  PetscCall(
+    describe(l, s, &stream, preset, aligned, can ? ", use -couple_method aligned" : "", &b, text, sizeof(text)));
   PetscCall(PromiseSay(preset, asked, text, refusal, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
