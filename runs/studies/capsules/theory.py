@@ -5,7 +5,8 @@
 
 Stokes flow about a unit sphere in the strain E: inside a E x + b (5 r^2 E x - 2 x q), outside E x + c x q/r^5 + d (2 E x/r^5 - 5 x q/r^7),
 q = x E x; a sheet of surface modulus G and Poisson number 1/2 displaced by s E n + t n q has the energy 4 pi G (.6 s^2 - .8 s t + .8 t^2) E : E.
-Both turn with the flow (complex: components 11 and 12 of a tensor in the plane of shear). At rest 6.25 NUMBER (Barthes-Biesel & Rallison 1981).
+Both turn with the flow (complex: components 11 and 12 of a tensor in the plane of shear). At rest 6.25 NUMBER where that is small
+(Barthes-Biesel & Rallison 1981).
 """
 import sys
 
