@@ -8,7 +8,8 @@
 #include "promise.h"
 #include "solid/solid.h"
 
-/* Can the mesh be lined up with all of them in this scene (-couple_method aligned)? Collective. */
+/* Can the mesh be lined up with all of them in this scene (-couple_method aligned), and is more promised so (not of
+   membranes in space)? Collective. */
 PetscErrorCode SolidPromiseCanAlign(const MeshLocal *, Bodies, Solids, PetscBool *);
 /* Is there one, and no second one or moving rigid body that it could touch? Collective. */
 PetscErrorCode SolidPromiseIsAlone(Bodies, Solids, PetscBool *);
