@@ -1,15 +1,15 @@
 /* CoupleDrops, bodies that drops wet: interfaces end on rigid bodies with a contact angle, which the penalty holds. The
    interface goes on inside of the body, where the mesh is lined up with it too, and moves rigidly; there, and a cell
    around, it is drawn anew in every step, such that it meets the surface at the contact angle (phase/meet.c, in space
-   phase/sheetmeet.c). So the
-   contact line goes to where the angle wants it, over a slip length of about a cell. The body feels the tension of the
-   interface at its inner end, which is Young's force, in the rows of its motion like every force on its nodes.
+   phase/sheetmeet.c). So the contact line goes to where the angle wants it, over a slip length of about a cell. The
+   first mesh has it as the start says: what of a drop is outside of bodies is known before the interface is drawn. The
+   body feels the tension of the interface at its inner end, which is Young's force, in the rows of its motion like
+   every force on its nodes.
 
    The fluid in a body has the density that the rows of bodies reckon with, that of the fluid around, so that the
    density of cells that the surface cuts is between that and the drop's. Gravity pulls at it as at the fluid that it
    takes the place of, and the body gives that back: else cells side by side have other pressures at rest, and fluid
-   creeps around the body. The volume that a drop keeps is the one
-   outside of bodies. */
+   creeps around the body. The volume that a drop keeps is the one outside of bodies. */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
@@ -175,13 +175,14 @@ PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!f->lined_up) PetscCall(check_mirrors(f, c));
+  if (f->met == 1) PetscCall(check_mirrors(f, c));
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   PetscCall(gather_bodies(f, c, PETSC_FALSE, &s));
   if (c->loc->dim == 2) PetscCall(PhaseCurveMeet(&f->interface.curve, &solid));
-  else PetscCall(PhaseSheetMeet(&f->interface.sheet, &solid)); /* of the start there is none */
+  else PetscCall(PhaseSheetMeet(&f->interface.sheet, &solid));
   PetscCall(PetscFree(s.body));
-  if (f->met) predict_insides(f->s);
+  predict_insides(f->s);
+  f->met++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -228,10 +229,10 @@ PetscErrorCode DropsTakeBodies(CoupleDrops *f, Couple c)
     Drop *d = f->s->drop + k;
 
     if (!f->met) d->target -= inside[k];
-    if (d->inside == 0) d->inside_old = inside[k];
+    if (d->inside == 0 || f->met == 2) d->inside_old = inside[k];
     d->inside = inside[k];
   }
-  f->met = PETSC_TRUE;
+  f->met = PetscMax(1, f->met);
   PetscCall(PetscFree(inside));
   PetscCall(DropsSetProperties(f, c));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -462,13 +463,11 @@ PetscErrorCode DropsAddEnergyOfBodies(const CoupleDrops *f, Couple c, CouplePowe
 
 PetscErrorCode DropsVisitBodies(CoupleDrops *f, State state)
 {
-  PetscInt   met = f->met;
   PetscReal *value;
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateInts(state, "drops_met", 1, &met));
-  f->met = (PetscBool)met;
+  PetscCall(StateInts(state, "drops_met", 1, &f->met));
   PetscCall(PetscMalloc1(2 * f->s->n, &value));
   for (PetscInt k = 0; k < f->s->n; k++) {
     value[2 * k]     = f->s->drop[k].inside;

@@ -9,6 +9,7 @@
 /* Of the smallest cell: the most that the volume moves the interface in a step. 1e-5 as a rule; more where drops of a
    cell are lined up, necks have vanished, or interfaces are drawn anew beside bodies that they wet. */
 #define SHIFT      0.1
+#define DRAWINGS   3 /* beside bodies at first, in which interfaces come to their contact angle: a cell */
 #define PASSES     2
 #define MIN_VOLUME 0.01 /* of a cell: that a part has, folded as it may be */
 
@@ -98,7 +99,7 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, P
 
     for (PetscInt k = 0; k < f->s->n; k++) {
       const Drop     *d    = f->s->drop + k;
-      const PetscReal most = SHIFT * c->loc->h / PASSES;
+      const PetscReal most = (f->met > 1 && f->met <= 1 + DRAWINGS ? 1 : SHIFT) * c->loc->h / PASSES;
       PetscReal       shift;
       PhaseSums       sums;
 
@@ -180,7 +181,6 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
     PetscCall(DropsCheckOverlap(f, c));
-    PetscCall(DropsMeetBodies(f, c));
     PetscCall(PetscArrayzero(f->way, c->loc->dim * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {

@@ -37,7 +37,8 @@ typedef struct CoupleDrops {
   Remap          remap;
   PetscBool      first_order; /* the last step was */
   PetscBool     *closed;      /* [ncell] too near to a rigid body for a drop; NULL: there are none */
-  PetscBool      meets, met;  /* there are bodies that drops wet; drops know what of them is inside of these */
+  PetscBool      meets;       /* there are bodies that drops wet */
+  PetscInt       met;         /* 1: drops know what of them is inside of these, and 1 for every drawing beside them */
   PetscReal     *angle;       /* [groups of bodies] contact angle, 0: not wetted */
   PetscReal      steps;       /* -couple_drops_steps, and the longest step that it stands */
   PetscReal      longest;

@@ -326,6 +326,16 @@ def test_no_mirror(run, scene):
     assert result.status and "which is no mirror" in result.err and result.err.count("error:") == 1, str(result)
 
 
+def test_floating_scene(run):
+    """The scene with 3 cells a radius, which starts without its contact angle: it keeps the volume that its region has outside of the ball, and sinks."""
+    options = ["-mesh_focus_h", "0.0834", "-mesh_growth", "1,1,1", "-output_every", "0", "-output_dir", "out", "-sim_steps", "2"]
+    result = run([ROOT / "runs" / "sphere-at-interface.yaml", *options])
+    assert result.status == 0, str(result)
+    bodies, drops = (read_rows(result.folder / "out" / f"{name}.csv") for name in ("bodies", "drops"))
+    assert max(abs(row["volume_error"]) for row in drops) < 1e-9 and -0.02 < bodies[-1]["v"] < -1e-3
+    assert drops[0]["volume"] == pytest.approx(0.2651897, rel=2e-4)  # by summing over a lattice
+
+
 def test_floating_energy(run, scene):
     """Energy of surfaces in the first step, in which all is flat: tension times the area outside of the ball."""
     options = ["-particle_ball_contact_angle", "90deg", "-particle_ball_position", "0,0,0", "-sim_steps", "1", "-sim_dt", "0.01", "-monitor_energy"]
