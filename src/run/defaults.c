@@ -142,11 +142,9 @@ static const struct {
   {NULL, NULL, UNSTEADY | DROPS, "-sim_adapt", "false"},
   {NULL, NULL, DROPS | BODIES, "-couple_method", "penalty"},
   /* viscosities by cell, on cells of which some are nearly flat; tension is stiff along the interface: 2.6 to 4 sweeps
-     of a velocity solve for 5 to 13. In space, where nodes hang, the factors of a mesh in some ten solve nothing */
+     of a velocity solve for 5 to 13 */
   {NULL, NULL, SPATIAL | FLUIDS, "-flow_velocity_operator", "assembled"},
   {NULL, NULL, DROPS, "-flow_velocity_smoother", "ilu"},
-  {NULL, NULL, SPATIAL | DROPS, "-flow_velocity_smoother", "sor"},
-  {NULL, NULL, SPATIAL | DROPS | EVEN, "-flow_velocity_smoother", "ilu"},
   /* air in water: the most iterations of a step 30, 46 at 1e-2, 15, 19 so, at no cost; elsewhere as many */
   {NULL, NULL, PLANE | DROPS, "-flow_fieldsplit_pressure_ksp_rtol", "1e-3"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */

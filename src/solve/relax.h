@@ -6,6 +6,7 @@
    Meijerink & van der Vorst 1977; Saad 2003, ch. 10), whose factors are stored in single precision. Where convection
    outweighs inertia and viscosity within a cell, sweeps against the flow amplify what they should damp, and the
    factorisation does not care. It costs as much as some ten sweeps (runs/studies/flow-solver).
+   Factors that amplify are not used: SOR is, until the next update.
 
    Arrays are [own nodes][dim]. Inert slots (walls, nodes of bodies) have diagonal_inverse 0 and keep zero corrections.
    Nothing here is collective. */
