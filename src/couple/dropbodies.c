@@ -44,14 +44,14 @@ static PetscErrorCode find_depth(const CoupleDrops *f, Couple c, PetscInt n, con
   PetscFunctionBeginUser;
   if (c->loc->dim == 3) PetscCall(DropsStartDistance(f->drops, n, x, d));
   for (PetscInt i = 0; i < n; i++) {
-    PhasePoint       p;
+    PhasePoint       p = {.edge = -1};
     const PetscReal *middle;
 
     if (c->loc->dim == 2) {
       DropsNearest(&f->interface, c->loc, x + 2 * i, PETSC_MAX_REAL / 4, &p);
       d[i] = p.d;
     }
-    if (d[i] >= inner) continue;
+    if (d[i] >= inner || (c->loc->dim == 2 && p.edge < 0)) continue;
     inner = d[i]; /* drops have the numbers of their groups still */
     if (c->loc->dim == 2) (void)PhaseInterfacePiece(&f->interface, p.edge, group, &middle);
     else PetscCall(DropsStartNearest(f->drops, x + 3 * i, group));

@@ -120,8 +120,9 @@ static void measure_part(PhaseSheet *s, PetscInt part)
 {
   PetscReal volume[3] = {0}, size = 0;
 
-  for (PetscInt e = 0; e < s->n; e++)
-    for (PetscInt q = 0; q < NPOINT && s->part[e] == part; q++) {
+  for (PetscInt e = 0; e < s->n; e++) {
+    if (s->part[e] != part) continue;
+    for (PetscInt q = 0; q < NPOINT; q++) {
       PetscReal y[3], n[3];
 
       face_point(s->x[e], q, y, n);
@@ -130,6 +131,7 @@ static void measure_part(PhaseSheet *s, PetscInt part)
         size += PetscAbsReal((y[a] - s->x[0][4][a]) * n[a]);
       }
     }
+  }
   s->volume[part] = (volume[0] + volume[1] + volume[2]) / 3;
   s->closes[part] = PETSC_TRUE;
   for (PetscInt a = 0; a < 3; a++)
