@@ -324,7 +324,7 @@ CAPSULE += ["-particle_cap_material", "membrane", "-particle_cap_surface_modulus
         ("fsi1", [], "balanced", None),
         ("fsi1", ["-mesh_focus_h", "0.0125"], "fast", "elastic group 'flag' is 1.6 cells thick and with -couple_method aligned needs 2"),
         ("fsi3", [], "balanced", "the boundary layer of elastic group 'flag' is 0.52 cells thick and needs 0.8"),
-        ("capsule-shear", [], "balanced", "membrane group 'capsule' is 5.0 cells thick and with -couple_method aligned needs 8"),
+        ("capsule-shear", [], "balanced", "membrane group 'capsule' is 5.0 cells thick and with -couple_method penalty needs 8"),
     ],
 )
 def test_elastic_particles(run, name, options, preset, message):
