@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from conftest import read_rows
+from conftest import ROOT, read_rows
 
 # A little more than two cells across, over a floor that is within a cell of it
 BALL = """mesh: {cells: [5, 5, 5], lower: [0, 0, 0], upper: [1.25, 1.25, 1.25]}
@@ -65,6 +65,15 @@ def test_kinds(run, scene, options):
     assert all(math.isfinite(value) for value in last.values()) and last["momentum_error"] < 1e-10
     bound = 5e-3 if options[0] in ("-particle_soft_poisson", "-particle_soft_clamp") else 1e-12
     assert 1 <= last["solid_stretch_soft"] < 1.1 and abs(last["solid_volume_error_soft"]) < bound
+
+
+def test_many(run):
+    """A corner of the scene of a hundred balls: momentum and volumes, the same on two ranks as on one."""
+    small = ["-mesh_cells", "6,6,4", "-mesh_upper", "2,2,1.3333", "-particle_soft_lower", "0.05,0.05,0.05", "-particle_soft_upper", "1.95,1.95,1.28", "-particle_soft_count", "2", "-particle_soft_solid_cells", "3,3,3"]
+    one, two = (rows(run, ROOT / "runs" / "soft-spheres.yaml", *small, "-sim_steps", "2", "-output_every", "0", ranks=ranks, folder=f"r{ranks}")[-1] for ranks in (1, 2))
+    assert one["momentum_error"] < 1e-5 and abs(one["solid_volume_error_soft"]) < 1e-12 and one["solid_w_soft"] < 0
+    for column in ("solid_z_soft", "solid_w_soft", "solid_energy_soft", "solid_stretch_soft", "kinetic_energy"):
+        assert two[column] == pytest.approx(one[column], rel=1e-4), column
 
 
 def test_beside_rigid(run, scene):
