@@ -24,12 +24,8 @@ static PetscErrorCode get_fields(CoupleDrops *f, Couple c, PetscReal *field[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsKeepMesh(CoupleDrops *f, Couple c)
+PetscErrorCode DropsCheckRemesh(const CoupleDrops *f, Couple c)
 {
-  const PetscInt n = c->loc->dim * c->loc->nnode_all;
-  PetscReal     *field[NFIELD];
-  PhaseInterface now;
-
   PetscFunctionBeginUser;
   PetscCheck(!c->s->nall, c->comm, PETSC_ERR_SUP,
              "Drops beside rigid bodies on a mesh that follows are not possible yet: remove -mesh_track");
@@ -38,6 +34,17 @@ PetscErrorCode DropsKeepMesh(CoupleDrops *f, Couple c)
   PetscCheck(!DropsMayStayApart(f->s), c->comm, PETSC_ERR_SUP,
              "Drops that stay apart (-particle_<group>_coalescence, _film, _drainage) on a mesh that follows are not possible yet: remove "
              "-mesh_track");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsKeepMesh(CoupleDrops *f, Couple c)
+{
+  const PetscInt n = c->loc->dim * c->loc->nnode_all;
+  PetscReal     *field[NFIELD];
+  PhaseInterface now;
+
+  PetscFunctionBeginUser;
+  PetscCall(DropsCheckRemesh(f, c)); /* that of a checkpoint may be another */
   if (!f->lined_up) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DropsGather(f, c, f->cell_drop, NULL, &now));
   PetscCall(PhaseInterfaceDestroy(&f->interface));

@@ -309,7 +309,7 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   const BoundaryMethod    *method;
   CoupleDrops             *f;
   PetscInt                 form = 0;
-  PetscBool                given;
+  PetscBool                given, tracks = PETSC_FALSE;
   char                     adapt[16];
   PetscReal                size = 0;
 
@@ -342,6 +342,8 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   f->regular = (PetscBool)form;
   if (f->regular) PetscCall(DropsCheckRegular(f, c));
   PetscCall(add_phases(f, c));
+  PetscCall(OptPeekBool("-mesh_track", &tracks));
+  if (tracks) PetscCall(DropsCheckRemesh(f, c));
   for (PetscInt a = 0; a < c->loc->dim; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
   PetscCall(PhaseSurfacesCreate(c->loc->dim, PetscSqrtReal(size), &f->surfaces));
   PetscCall(CoupleAddParticipant(c, &DROPS, f));

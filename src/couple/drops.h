@@ -190,8 +190,9 @@ PetscErrorCode DropsAssemble(CoupleDrops *, Couple);
 PetscErrorCode DropsMeasure(CoupleDrops *, Couple, const PetscReal u[]);
 /* What such a step adds, and DropsMeasure. Collective. */
 PetscErrorCode DropsAccept(CoupleDrops *, Couple, const PetscReal u[]);
-/* dropremesh.c. Before cells are rebuilt: what goes over to the new mesh. Then the new mesh, which may stand anywhere
-   else, is lined up with the interface as it was and has its old velocities. Collective. Error: what such meshes do not
-   work with. */
+/* dropremesh.c. Error: something that meshes which follow do not work with. */
+PetscErrorCode DropsCheckRemesh(const CoupleDrops *, Couple);
+/* Before cells are rebuilt: what goes over to the new mesh. Then the new mesh is lined up with the interface as it was,
+   and has the old velocities. Collective. Error: that of DropsCheckRemesh. */
 PetscErrorCode DropsKeepMesh(CoupleDrops *, Couple);
 PetscErrorCode DropsArrive(CoupleDrops *, Couple, Mesh *old);

@@ -367,6 +367,7 @@ def test_region_refused(run, scene, options, message):
         (["-particle_drop_film", "0.05"], "for the plane so far"),
         (["-particle_drop_radius", "0.1"], "use smaller cells (-mesh_cells)"),
         (["-mesh_levels", "1"], "give -mesh_track"),
+        (["-mesh_levels", "1", "-mesh_track", "-scalars", "T"], "Drops with -scalars on a mesh that follows"),
         (["-mesh_levels", "1", "-mesh_refine", "b", "-mesh_box_b_corners", "0,0,0,0.5,1,1"], "Levels of the mesh jump at"),
     ],
 )
