@@ -57,9 +57,10 @@ PetscErrorCode CoupleSetStep(Couple, PetscReal dt);
 /* Are flow and bodies solved together (-couple_type implicit)? Local. */
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 /* At the start of a run, with the bodies where they begin and the flow as it begins: the fluid inside bodies that move
-   freely takes their velocity, but for those that were given the fluid's, as does that inside elastic ones whose
-   velocities are given. Nothing with a method that has no fluid inside, or with nodal, where a remark says so unless
-   the flow will be solved for with the bodies held at their velocities. Collective. */
+   freely takes their velocity, but for those that were given the fluid's. (That inside elastic ones, whose velocities
+   are given, follows with the geometry of the first step.) Nothing with a method that has no fluid inside, or with
+   nodal, where a remark says so unless the flow will be solved for with the bodies held at their velocities.
+   Collective. */
 PetscErrorCode CoupleStartInside(Couple, PetscBool solved);
 /* The flow of the start has been solved for, with elastic particles in it: they begin with what was found, given or
    not; what they lost or won has gone to the flow. Not collective. */

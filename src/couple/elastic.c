@@ -251,8 +251,8 @@ static PetscErrorCode prepare(Couple c, void *data)
   PetscCall(ElasticStartPhases(e, c));
   if (e->ale) PetscCall(ElasticAleUpdate(e->ale, c->step, e->x));
   else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+  PetscCall(ElasticStartInside(e, c));
   PetscCall(ElasticSetPhases(e, c, e->x));
-  e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
   PetscCall(ElasticFindContacts(e, c));
   if ((e->align && !e->ale) || e->viscosity) PetscCall(set_properties(e, c));
@@ -422,6 +422,7 @@ static PetscErrorCode advance(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(remark_far(e, c));
   PetscCall(ElasticCheckStep(e, c));
+  e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u, e->tensions.tension));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -62,6 +62,7 @@ typedef struct {
   PetscBool compared; /* sizes of cells, solids' and flow's */
   PetscBool told;     /* that a step was too long */
   PetscBool started;  /* velocities of the first step are those of the flow */
+  PetscBool inside;   /* the fluid inside has taken the velocities of solids */
 } ElasticOnce;
 
 /* Where the mesh is lined up with solids in every step, how nodes move for scalars (feet.h), [nnode_all][dim] each;
@@ -126,9 +127,9 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
-/* elasticstart.c: u [nnode_all][dim], the velocity of the flow, changes at own nodes by what velocities that solids
-   start with make of the fluid inside; *any: something does. Collective. */
-PetscErrorCode ElasticStartInside(Elastic *, Couple, PetscReal u[], PetscBool *any);
+/* elasticstart.c: once, before the first step, with the mesh lined up: the velocity of the flow changes by what
+   velocities that solids start with make of the fluid inside. Collective. */
+PetscErrorCode ElasticStartInside(Elastic *, Couple);
 /* A membrane has no mass and pushes nothing as a whole: *size, of forces, += the pull across a cut through the middle
    of each, about. Collective. */
 PetscErrorCode ElasticAddPull(const Elastic *, PetscReal *size);

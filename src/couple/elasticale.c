@@ -418,8 +418,8 @@ static PetscErrorCode check_cells(ElasticAle f, const FlowStep *step)
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, worst, 3, MPIU_REAL, MPIU_MAX, f->comm));
   PetscCheck(worst[0] == 0, f->comm, PETSC_ERR_USER_INPUT,
-             "The mesh that follows the elastic particles folds at t = %g, near (%g, %g): their stroke is too large for it. Use larger cells beside them, or "
-             "-couple_method penalty",
+             "The mesh that follows the elastic particles folds at t = %g, near (%g, %g): their stroke is too large for it. Use -couple_anchored "
+             "false, with which it is lined up with them anew in every step and no node goes beyond a cell in one, or larger cells beside them",
              (double)step->time, (double)worst[1], (double)worst[2]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,7 +5,7 @@
 
    over what lies in k of its cells. That of cut cells is scaled, so that all sums up to the volume of k, and r is the
    arm from the centre of it all: what comes in is the momentum of the fluid in the true shape. Not inside solids that
-   the mesh will follow, where the flow has no inertia. Membranes come first, then what may be inside of them. */
+   the mesh follows, where the flow has no inertia. Membranes come first, then what may be inside of them. */
 #include "compat.h"
 #include "elastic.h"
 #include "elasticinside.h"
@@ -84,10 +84,12 @@ static PetscErrorCode take_velocity(Couple c, const Inner *k, const PetscReal be
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Was the group given a velocity, and is there fluid inside that takes it? */
-static PetscBool starts_inside(const Elastic *e, const SolidGroup *g)
+/* Was solid k given a velocity, and is there fluid inside that takes it? The mesh is lined up where it can be. */
+static PetscBool starts_inside(const Elastic *e, PetscInt k)
 {
-  return (PetscBool)(g->start && (g->membrane || !e->aligned));
+  const SolidGroup *g = e->s->group + e->s->group_of[k];
+
+  return (PetscBool)(g->start && (g->membrane || !ElasticIsLined(e, k)));
 }
 
 /* Those that are membranes, or that are not: u [nnode_all][dim] changes at own nodes, one after the other */
@@ -103,7 +105,7 @@ static PetscErrorCode start_kind(Elastic *e, Couple c, PetscBool membranes, cons
     const PetscReal  *inside;
     Inner             inner;
 
-    if (!starts_inside(e, g) || g->membrane != membranes) continue;
+    if (!starts_inside(e, k) || g->membrane != membranes) continue;
     PetscCall(ElasticInsideFind(t, k, &inside));
     inner = (Inner){.tables = tables,
                     .inside = inside,
@@ -117,19 +119,23 @@ static PetscErrorCode start_kind(Elastic *e, Couple c, PetscBool membranes, cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ElasticStartInside(Elastic *e, Couple c, PetscReal u[], PetscBool *any)
+PetscErrorCode ElasticStartInside(Elastic *e, Couple c)
 {
-  const SolidsState *s    = e->s;
-  PetscBool          mine = PETSC_FALSE;
+  const SolidsState *s   = e->s;
+  const PetscInt     n   = c->loc->nnode_all * s->dim;
+  PetscBool          any = PETSC_FALSE;
   ElasticInside      t;
   ElementTables      tables;
-  PetscReal         *before;
+  PetscReal         *flow, *before, *u;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < s->ngroups; g++) mine = (PetscBool)(mine || starts_inside(e, s->group + g));
-  if (!mine) PetscFunctionReturn(PETSC_SUCCESS);
-  *any = PETSC_TRUE;
-  PetscCall(PetscMalloc1(c->loc->nnode * s->dim, &before));
+  if (e->once.inside || s->time_dt > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  e->once.inside = PETSC_TRUE;
+  for (PetscInt k = 0; k < s->n; k++) any = (PetscBool)(any || starts_inside(e, k));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetFields(c->flow, &flow, NULL, NULL));
+  PetscCall(PetscMalloc2(n, &before, n, &u));
+  PetscCall(PetscArraycpy(u, flow, n));
   PetscCall(ElementCreate(s->dim, &tables));
   PetscCall(ElasticSurfacesSet(e->surfaces, s->x));
   PetscCall(ElasticInsideCreate(c->mesh, e->surfaces, NULL, NULL, &t));
@@ -137,7 +143,9 @@ PetscErrorCode ElasticStartInside(Elastic *e, Couple c, PetscReal u[], PetscBool
   PetscCall(start_kind(e, c, PETSC_FALSE, &tables, t, before, u));
   PetscCall(ElasticInsideDestroy(&t));
   PetscCall(ElementDestroy(&tables));
-  PetscCall(PetscFree(before));
+  PetscCall(MeshSyncNodes(c->mesh, s->dim, u));
+  PetscCall(FlowStartFrom(c->flow, u, NULL));
+  PetscCall(PetscFree2(before, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -14,7 +14,6 @@
 #include "compat.h"
 #include "impl.h"
 #include "cutcells.h"
-#include "elastic.h"
 #include "base/log.h"
 
 #define SAMPLES 10 /* of a cell that a surface cuts, an axis: of the penalty of bodies that move */
@@ -107,20 +106,19 @@ static PetscErrorCode start_bodies(Couple c, PetscBool solved, const PetscReal b
 PetscErrorCode CoupleStartInside(Couple c, PetscBool solved)
 {
   const PetscInt n   = c->loc->nnode_all * c->loc->dim;
-  PetscBool      any = PETSC_FALSE, bodies = PETSC_FALSE;
-  PetscReal     *flow, *before, *u;
+  PetscBool      any = PETSC_FALSE;
+  PetscReal     *flow, *u;
 
   PetscFunctionBeginUser;
+  if (!c->s->nall || c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetFields(c->flow, &flow, NULL, NULL));
-  PetscCall(PetscMalloc2(n, &before, n, &u));
+  PetscCall(PetscMalloc1(n, &u));
   PetscCall(PetscArraycpy(u, flow, n));
-  if (c->elastic) PetscCall(ElasticStartInside(c->elastic, c, u, &any));
-  PetscCall(PetscArraycpy(before, u, n));
-  if (c->s->nall && !c->method.table->moves_nodes) PetscCall(start_bodies(c, solved, before, u, &bodies));
-  if (any || bodies) {
+  PetscCall(start_bodies(c, solved, flow, u, &any));
+  if (any) {
     PetscCall(MeshSyncNodes(c->mesh, c->loc->dim, u));
     PetscCall(FlowStartFrom(c->flow, u, NULL));
   }
-  PetscCall(PetscFree2(before, u));
+  PetscCall(PetscFree(u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,5 @@
 """Velocities with which elastic particles start: as rigid bodies, with their momentum."""
+import json
 import math
 
 import pytest
@@ -39,6 +40,17 @@ def test_momentum(run, scene, method, density):
         return
     rigid = read_rows(fly(run, scene, method, material="", density=density, folder="rigid") / "bodies.csv")[-1]
     assert last["solid_u_soft"] == pytest.approx(rigid["u"], rel=0.005)
+
+
+@pytest.mark.parametrize("density", ["1", "3"])
+def test_thin(run, scene, density):
+    """A bar that the mesh cannot be lined up with from the first step on: the fluid in its place takes its velocity (it kept the flow's: momentum 0 and 2/3 of it)."""
+    bar = FLIES.replace("shape: circle, radius: 0.5, ", "shape: box, size: [0.9, 0.2], angle: 0.3, ").replace("MATERIAL", MATERIAL).replace("DENSITY", density)
+    result = run([scene(bar), "-couple_method", "aligned", "-sim_steps", "1", "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    assert json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]["solid_immersed_steps"] == 1
+    first = read_rows(result.folder / "out" / "series.csv")[0]
+    assert 9 * first["mean_velocity_x"] + (float(density) - 1) * 0.18 * first["solid_u_soft"] == pytest.approx(float(density) * 0.18 * 0.6, rel=1e-4)
 
 
 @METHODS
