@@ -302,6 +302,13 @@ PetscErrorCode BoundariesFinish(Boundaries d, const PetscReal u[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BoundariesAddForce(Boundaries d, PetscInt b, const PetscReal force[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) d->boundary[b].force[a] += force[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BoundariesGet(Boundaries d, PetscInt *n, const CoupleBoundary *boundary[])
 {
   PetscFunctionBeginUser;

@@ -32,4 +32,6 @@ PetscErrorCode BoundariesGetPoints(Boundaries, PetscInt *ncell, const PetscInt *
 PetscErrorCode BoundariesBegin(Boundaries);
 PetscErrorCode BoundariesAdd(Boundaries, const BoundaryPoint *, const PetscReal residual[], const PetscReal p[]);
 PetscErrorCode BoundariesFinish(Boundaries, const PetscReal u[]);
+/* What else wall b of the mesh feels, after Finish: force [3] of all ranks. Not collective. */
+PetscErrorCode BoundariesAddForce(Boundaries, PetscInt b, const PetscReal force[3]);
 PetscErrorCode BoundariesGet(Boundaries, PetscInt *n, const CoupleBoundary *boundary[]);

@@ -22,7 +22,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree3(f->cell_drop, f->density, f->viscosity));
   PetscCall(PetscFree6(f->way, f->corr, f->shift, f->velocity, f->force, f->weight));
-  PetscCall(PetscFree2(f->side, f->slip_length));
+  PetscCall(PetscFree2(f->side, f->wall));
   PetscCall(PetscFree(f->closed));
   PetscCall(PetscFree(f->load));
   PetscCall(PetscFree2(f->fraction, f->by_middle));
@@ -39,7 +39,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscCall(
     PetscCalloc6(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force, n / c->loc->dim, &f->weight));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
-  if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->slip_length));
+  if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 6, &f->wall));
   PetscCall(DropsFindWalls(f, c));
   if (c->s->nall || DropsMayStayApart(f->s)) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
   if (f->meets) PetscCall(PetscMalloc1(n, &f->load));

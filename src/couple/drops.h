@@ -24,6 +24,13 @@
 #include "phase/drops.h"
 #include "phase/surfaces.h"
 
+/* Side of the box that drops may wet */
+typedef struct {
+  PetscInt  boundary;
+  PetscReal slip_length; /* 0: free slip */
+  PetscReal pull[3];     /* of this step at contact lines in own cells, on the fluids */
+} DropWall;
+
 typedef struct CoupleDrops {
   Drops         drops;
   DropsState   *s;
@@ -50,7 +57,7 @@ typedef struct CoupleDrops {
      interface is regularised its mean; NULL: all */
   PetscReal *fraction;
   PetscInt  *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
-  PetscReal *slip_length;         /* [6] of these, 0: free slip */
+  DropWall  *wall;                /* [6] of these */
   PetscInt  *cell_drop;           /* [ncell_all] number of the drop, of any share; -1: the fluid around */
   PetscReal *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
@@ -101,7 +108,8 @@ void DropsAddFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell, con
 void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell, const PetscReal xc[]);
 /* Slots of side e of a cell, first to last along it (in space a lattice of 3 x 3); how many there are */
 PetscInt DropsSideSlots(PetscInt dim, PetscInt e, PetscInt slot[]);
-/* Force of walls that drops wet on the fluids, of surface tension and friction. After the solve. Collective. */
+/* Force of walls that drops wet on the fluids, of surface tension and friction, which the walls are told. After the
+   solve. Collective. */
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[3]);
 /* Is there friction beside this cell? */
 PetscBool DropsHasFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell);

@@ -164,6 +164,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
   PetscCall(PetscArrayzero(f->force, c->loc->dim * c->loc->nnode_all));
+  for (PetscInt side = 0; side < 6 && f->wall; side++) PetscCall(PetscArrayzero(f->wall[side].pull, 3));
   f->nterm = 0;
   for (PetscInt e = 0; e < c->loc->ncell_all && !f->regular; e++) PetscCall(add_cell(f, c, e, u, u_old));
   PetscCall(add_bands(f, c, u, u_old));

@@ -28,7 +28,8 @@ static PetscErrorCode add_wall(CoupleDrops *f, Couple c, PetscInt b, PetscInt *s
   while (side < 6 && on != 1 << side) side++;
   if (side == 6) PetscFunctionReturn(PETSC_SUCCESS);
   *sides |= on;
-  PetscCall(OptReal(OptJoin("-flow_bc_", name, "_navier", option), &f->slip_length[side]));
+  f->wall[side].boundary = b;
+  PetscCall(OptReal(OptJoin("-flow_bc_", name, "_navier", option), &f->wall[side].slip_length));
   for (PetscInt i = 0; i < n; i++) f->side[node[i]] |= on;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -79,7 +80,7 @@ PetscBool DropsHasFriction(const CoupleDrops *f, const MeshLocal *l, PetscInt ce
     PetscInt       slot[SIDE_MAX];
     const PetscInt side = wall_of(f, l, cell, e, slot);
 
-    if (side >= 0 && f->slip_length[side] > 0) return PETSC_TRUE;
+    if (side >= 0 && f->wall[side].slip_length > 0) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
@@ -126,7 +127,9 @@ static void pull_ends(CoupleDrops *f, const MeshLocal *l, const PetscInt node[],
     const PetscInt  i    = node[slot[j]];
     const PetscReal away = MeshNearest(l, a, l->x_start[2 * i + a] - l->x_start[2 * node[slot[1]] + a]);
 
-    if (DropsIsInterface(l, f->cell_drop, i)) f->force[2 * i + a] += (away > 0 ? 1 : -1) * pull;
+    if (!DropsIsInterface(l, f->cell_drop, i)) continue;
+    f->force[2 * i + a] += (away > 0 ? 1 : -1) * pull;
+    f->wall[side].pull[a] += (away > 0 ? 1 : -1) * pull;
   }
 }
 
@@ -151,21 +154,32 @@ static void pull_edges(CoupleDrops *f, const MeshLocal *l, const PetscInt node[]
       }
       cross(t, normal, across); /* of the length of t */
       sign = dot3(across, out) > 0 ? 1 : -1;
-      for (PetscInt j = 0; j < 9; j++)
-        f->force[3 * node[slot[ROUND[e][j / 3]]] + j % 3] += sign * pull * EDGE_WEIGHT[g] * v[j / 3] * across[j % 3];
+      for (PetscInt j = 0; j < 9; j++) {
+        const PetscReal part = sign * pull * EDGE_WEIGHT[g] * v[j / 3] * across[j % 3];
+
+        f->force[3 * node[slot[ROUND[e][j / 3]]] + j % 3] += part;
+        f->wall[side].pull[j % 3] += part;
+      }
     }
   }
 }
 
+/* M [nb][nb] += friction of side e of a cell, where it lies on a wall that has some: which, else -1 */
+static PetscInt add_friction(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt e, const PetscReal xc[],
+                             PetscReal M[])
+{
+  PetscInt       slot[SIDE_MAX];
+  const PetscInt side = wall_of(f, l, cell, e, slot);
+
+  if (side < 0 || f->wall[side].slip_length <= 0) return -1;
+  (l->dim == 2 ? add_edge_friction : add_face_friction)(f->viscosity[cell] / f->wall[side].slip_length, slot, xc, M);
+  return side;
+}
+
 void DropsAddFriction(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, const PetscReal xc[], PetscReal M[])
 {
-  for (PetscInt e = 0; e < 2 * l->dim; e++) {
-    PetscInt        slot[SIDE_MAX];
-    const PetscInt  side = wall_of(f, l, cell, e, slot);
-    const PetscReal rate = side >= 0 && f->slip_length[side] > 0 ? f->viscosity[cell] / f->slip_length[side] : 0;
-
-    if (rate > 0) (l->dim == 2 ? add_edge_friction : add_face_friction)(rate, slot, xc, M);
-  }
+  for (PetscInt e = 0; e < 2 * l->dim; e++) add_friction(f, l, cell, e, xc, M);
+  MeshCellMatrix(l, cell, 1, l->nb, M); /* the interface has no hanging nodes */
 }
 
 void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, const PetscReal xc[])
@@ -184,22 +198,48 @@ void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, const Petsc
   }
 }
 
-PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[3])
+/* force [6][3] += friction of walls on the fluids in an own cell */
+static PetscErrorCode sum_friction(const CoupleDrops *f, Couple c, PetscInt cell, const PetscReal u[],
+                                   PetscReal (*force)[3])
 {
   const MeshLocal *l   = c->loc;
-  const PetscInt   dim = l->dim, nb = l->nb;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cell * nb;
+  PetscReal        xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt i = 0; i < dim * nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
+  MeshCellGather(l, cell, dim, v);
+  for (PetscInt e = 0; e < 2 * dim; e++) {
+    PetscReal      M[MESH_MAX_NB * MESH_MAX_NB] = {0};
+    const PetscInt side                         = add_friction(f, l, cell, e, xc, M);
+
+    for (PetscInt i = 0; i < nb * nb && side >= 0; i++)
+      for (PetscInt a = 0; a < dim; a++) force[side][a] -= M[i] * v[dim * (i % nb) + a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[3])
+{
+  const MeshLocal *l           = c->loc;
+  PetscReal        force[6][3] = {{0}};
 
   PetscFunctionBeginUser;
   sum[0] = sum[1] = sum[2] = 0;
   if (!DropsWet(f->s)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < dim * l->nnode_all; i++) sum[i % dim] += f->force[i];
-  for (PetscInt t = 0; t < f->nterm; t++) {
-    const PetscInt *node = l->cell_node + f->term_cell[t] * nb;
+  for (PetscInt side = 0; side < 6; side++) PetscCall(PetscArraycpy(force[side], f->wall[side].pull, 3));
+  for (PetscInt e = 0; e < l->ncell; e++)
+    if (DropsHasFriction(f, l, e)) PetscCall(sum_friction(f, c, e, u, force));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, 18, MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt side = 0; side < 6; side++) {
+    PetscReal on_wall[3];
 
-    for (PetscInt i = 0; i < dim * nb && f->term_cell[t] < l->ncell; i++)
-      for (PetscInt j = 0; j < nb; j++)
-        sum[i % dim] -= f->term[nb * (nb * t + i / dim) + j] * u[dim * node[j] + i % dim];
+    for (PetscInt a = 0; a < 3; a++) {
+      sum[a] += force[side][a];
+      on_wall[a] = -force[side][a];
+    }
+    PetscCall(CoupleAddWallForce(c, f->wall[side].boundary, on_wall));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)dim, MPIU_REAL, MPIU_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

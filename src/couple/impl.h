@@ -214,6 +214,8 @@ PetscErrorCode CoupleMeasureDriving(Couple, const FlowDiagnostics *, CoupleBalan
 /* ---- participants, in the order of the list; all collective ---- */
 
 PetscErrorCode CoupleAddWalls(Couple);
+/* What else wall b of the mesh feels in this step, after the walls' own balance: force [3] of all ranks. Local. */
+PetscErrorCode CoupleAddWallForce(Couple, PetscInt b, const PetscReal force[3]);
 PetscErrorCode CoupleAddRigid(Couple);
 PetscErrorCode CoupleAddFitted(Couple);
 PetscErrorCode CoupleAddAle(Couple);

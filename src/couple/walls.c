@@ -277,6 +277,13 @@ PetscErrorCode CoupleAddWalls(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleAddWallForce(Couple c, PetscInt b, const PetscReal force[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BoundariesAddForce(c->walls->boundaries, b, force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetBoundaries(Couple c, PetscInt *n, const CoupleBoundary *boundary[])
 {
   PetscFunctionBeginUser;

@@ -134,9 +134,13 @@ def test_contact_angle(drops, angle):
 
 def test_slip_length(drops):
     """The shorter the slip length, the slower the contact line."""
-    options = ["-sim_dt", "0.02", "-sim_steps", "5", "-flow_bc_bottom_navier"]
-    wetted = [drops(*WETS, *options, length, folder=f"l{length}")[0][-1]["wetted"] for length in ("0", "0.1", "0.01")]
+    options = ["-sim_dt", "0.02", "-sim_steps", "5", "-monitor_momentum", "-flow_bc_bottom_navier"]
+    runs = [drops(*WETS, *options, length, folder=f"l{length}") for length in ("0", "0.1", "0.01")]
+    wetted = [rows[-1]["wetted"] for rows, _ in runs]
     assert wetted[0] > wetted[1] + 0.01 > wetted[2] + 0.02 > 0.42
+    for axis in "xy":  # friction and the pull at contact lines are told of the wall that they act on
+        last = runs[1][1][-1]
+        assert sum(last[f"wall_force_{side}_{axis}"] for side in ("left", "right", "bottom", "top")) == pytest.approx(-last[f"momentum_walls_{axis}"], abs=1e-10)
 
 
 def test_wet_ranks_and_restart(drops):
