@@ -414,6 +414,20 @@ def test_slices(tmp_path):
     assert draw.Slice(shot, "speed", 0, 0.95).cut_bodies(run, shot) == []
 
 
+def test_elastic_particles_are_cut():
+    """Two cubes side by side, as solid_<step>.h5 has them: their common side is no surface, and a plane cuts a frame of 2 by 1."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    sides = [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
+    cube = np.concatenate([corners, [corners[list(e)].mean(0) for e in edges], [corners[s].mean(0) for s in sides], [corners.mean(0)]])
+    points, cells = np.unique(np.concatenate([cube, cube + [1, 0, 0]]), axis=0, return_inverse=True)
+    shot = types.SimpleNamespace(drops={}, dim=3, solids={"coordinates": points, "cells": cells.reshape(2, 27)})
+    assert len(draw.material_faces(shot)) == 10
+    cut = draw.cut_triangles(*draw.material_triangles(shot), 2, 0.3)
+    assert np.linalg.norm(cut[:, 0] - cut[:, 1], axis=1).sum() == pytest.approx(6)
+    assert len(draw.material_faces(types.SimpleNamespace(drops={}, solids={}, dim=3))) == 0
+
+
 def test_triangles_are_cut(tmp_path):
     """A tetrahedron's triangles meet a plane in the sides of a triangle."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)

@@ -274,15 +274,31 @@ def split_names(text):
     return text.replace(",", " ").split()
 
 
-def drop_triangles(shot):
-    """Points [n][3] and triangles [m][3] of the interface of drops in space, each biquadratic face by 4 x 4 pairs; None if there is none."""
-    drops = shot.drops
-    if "face" not in drops:
-        return None
-    lattice = drops["face"][:, [0, 4, 1, 7, 8, 5, 3, 6, 2]]  # corners, middles of sides and middle as rows of three
+# sides of a triquadratic hexahedron in the order of VTK, as biquadratic faces: corners, middles of sides, middle
+HEXAHEDRON_SIDES = np.array([[0, 4, 7, 3, 16, 15, 19, 11, 20], [1, 2, 6, 5, 9, 18, 13, 17, 21], [0, 1, 5, 4, 8, 17, 12, 16, 22],
+                             [3, 7, 6, 2, 19, 14, 18, 10, 23], [0, 3, 2, 1, 11, 10, 9, 8, 24], [4, 5, 6, 7, 12, 13, 14, 15, 25]])
+
+
+def material_faces(shot):
+    """Faces [n][9][3] (corners, middles of sides, middle) of drops and of elastic particles in space."""
+    drops, solids, faces = shot.drops, shot.solids, [np.empty((0, 9, 3))]
+    if "face" in drops:
+        faces.append(drops["coordinates"][drops["face"]])
+    if solids and shot.dim == 3:
+        sides = solids["cells"]  # of membranes
+        if sides.shape[1] == 27:
+            sides = sides[:, HEXAHEDRON_SIDES].reshape(-1, 9)
+            _, first, count = np.unique(sides[:, 8], return_index=True, return_counts=True)  # those of one cell alone, by their middles
+            sides = sides[first[count == 1]]
+        faces.append(solids["coordinates"][sides])
+    return np.concatenate(faces)
+
+
+def material_triangles(shot):
+    """Points [n][3] and triangles [m][3] of these faces, each by 4 x 4 pairs."""
     line = parabolas(5)
     shape = np.einsum("ti,sj->tsij", line, line).reshape(25, 9)
-    points = np.einsum("kj,ejx->ekx", shape, drops["coordinates"][lattice])
+    points = np.einsum("kj,ejx->ekx", shape, material_faces(shot)[:, [0, 4, 1, 7, 8, 5, 3, 6, 2]])  # rows of three
     corner = np.array([5 * t + s for t in range(4) for s in range(4)])[:, None]
     cells = np.concatenate([corner + [0, 1, 6], corner + [0, 6, 5]])
     return points.reshape(-1, 3), (25 * np.arange(len(points))[:, None, None] + cells).reshape(-1, 3)
@@ -332,10 +348,9 @@ class Slice:
             found.append((None, cut_triangles(*surface, self.axis, self.value)[:, :, self.across]))
         return found
 
-    def cut_drops(self, shot):
-        """Segments [n][2][2] of the interface of drops."""
-        surface = drop_triangles(shot)
-        return cut_triangles(*surface, self.axis, self.value)[:, :, self.across] if surface else np.empty((0, 2, 2))
+    def cut_material(self, shot):
+        """Segments [n][2][2] of the surfaces of drops and elastic particles."""
+        return cut_triangles(*material_triangles(shot), self.axis, self.value)[:, :, self.across]
 
 
 def read_plane(text):

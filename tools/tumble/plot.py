@@ -201,7 +201,7 @@ def draw_slice(picture, shot, field, plane, name):
         if number is None:
             axes.add_collection(LineCollection(line, colors=colour, linewidth=1.2, path_effects=halo(colour)))
     draw_bodies(axes, picture.run, shot, [(number, line, None) for number, line in bodies if number is not None])
-    axes.add_collection(LineCollection(cut.cut_drops(shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
+    axes.add_collection(LineCollection(cut.cut_material(shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
     if None not in [number for number, _ in bodies]:
         drawn = {number for number, *_ in draw.spheres(picture.run, shot)}
         draw_inside(axes, (cut.x, cut.y), cut.sample(shot, find_inside(shot, drawn)), colour)
