@@ -45,6 +45,7 @@ PetscErrorCode CoupleViscousPower(Couple c, const PetscReal viscosity[], const P
 
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
     for (PetscInt i = 0; i < dim * l->nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
+    MeshCellGather(l, e, dim, v);
     *power += dissipation_of_cell(dim, viscosity[e], xc, v);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

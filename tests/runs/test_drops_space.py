@@ -133,16 +133,16 @@ output: {every: 0}
 
 
 def test_levels(run, scene):
-    """A bubble rises between mirrors through cells of two sizes, which are made anew around it as it goes: as on cells of the small size, with the bits of a restart."""
+    """A bubble rises between mirrors through cells of two sizes, which are made anew around it as it goes: as on cells of the small size, with the bits of a restart; energy's books close."""
 
     def start(folder, *options):
         result = run([scene(RISES), "-output_dir", folder, *options])
         assert result.status == 0, str(result)
         return read_rows(result.folder / folder / "drops.csv"), json.loads((result.folder / folder / "summary.json").read_text())
 
-    levels = ["-mesh_cells", "2,8,2", "-mesh_levels", "1", "-mesh_track", "-mesh_track_distance", "0.1", "-checkpoint_every", "2"]
+    levels = ["-mesh_cells", "2,8,2", "-mesh_levels", "1", "-mesh_track", "-mesh_track_distance", "0.1", "-checkpoint_every", "2", "-monitor_energy", "true"]
     (whole, summary), (even, _) = start("whole", *levels), start("even")
-    assert summary["quantities"]["mesh_changes"] == 2
+    assert summary["quantities"]["mesh_changes"] == 2 and summary["quantities"]["energy_error"] < 1e-5
     for name, bound in (("y", 1e-4), ("v", 2e-3), ("sphericity", 1e-4)):
         assert whole[-1][name] == pytest.approx(even[-1][name], rel=bound), name
     assert max(abs(row["volume_error"]) for row in whole) < 1e-6
