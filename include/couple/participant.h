@@ -30,7 +30,7 @@ typedef struct {
   PetscBool others; /* its force is in CoupleBalance.others: columns momentum_others_<x|y|z> of -monitor_momentum */
   /* CoupleMomentum: adds its force on the fluid to one of the sums of the balance (others, if it has none of its
      own), takes it from `rest`, and adds its size to `size`. Values of all ranks, at all nodes: whoever prescribes the
-     velocity of a node gives back what FlowAddForce and FlowAddCellTerms have there (CoupleGetGiven). What an operator
+     velocity of a node gives back what FlowAddForce and FlowAddCellTerms have there (FlowGetGiven). What an operator
      (FlowAddOperator) exerts on such nodes does not reach the fluid and does not count. */
   PetscErrorCode (*balance)(Couple, void *data, const FlowDiagnostics *, CoupleBalance *);
   /* CoupleGetPower: adds energies and powers of all ranks. */

@@ -75,7 +75,7 @@ static PetscErrorCode find_displacements(DropDistance f, PetscReal time, PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodes [*n][dim] of edge or face e, and the way of its drop */
+/* Nodes [*n][dim] of edge or face e */
 static PetscReal *nodes_of(PhaseInterface *f, PetscInt dim, PetscInt e, PetscInt *n)
 {
   *n = dim == 2 ? 3 : 9;
@@ -92,10 +92,12 @@ static PetscErrorCode move_interface(DropDistance f, PetscReal time, PetscReal m
   PetscCall(PetscMalloc1(3 * f->s->n, &way));
   PetscCall(find_displacements(f, time, most, way));
   for (PetscInt e = 0; e < PhaseInterfaceSize(to); e++) {
-    const PetscInt k = DropsFind(f->s, f->dim == 2 ? to->curve.drop[e] : to->sheet.drop[e]);
-    PetscInt       n;
-    PetscReal     *x = nodes_of(to, f->dim, e, &n);
+    const PetscReal *middle;
+    PetscInt         n, k;
+    PetscReal       *x = nodes_of(to, f->dim, e, &n);
 
+    (void)PhaseInterfacePiece(to, e, &k, &middle);
+    k = DropsFind(f->s, k);
     for (PetscInt i = 0; i < f->dim * n && k >= 0; i++) x[i] += way[3 * k + i % f->dim];
   }
   PhaseInterfaceUpdate(to);
@@ -123,10 +125,11 @@ PetscErrorCode DropDistanceMoved(DropDistance f, PetscReal time, PetscReal *way)
   *way = 0;
   PetscCall(move_interface(f, time, PETSC_MAX_REAL, &now));
   for (PetscInt e = 0; e < PhaseInterfaceSize(&now); e++) {
-    PetscInt         n;
-    const PetscReal *x = nodes_of(&now, f->dim, e, &n);
+    PetscInt         n, drop;
+    const PetscReal *middle, *x = nodes_of(&now, f->dim, e, &n);
 
-    for (PetscInt i = 0; i < n && !(f->dim == 2 ? now.curve.wall : now.sheet.wall)[e]; i++) {
+    if (!PhaseInterfacePiece(&now, e, &drop, &middle)) continue;
+    for (PetscInt i = 0; i < n; i++) {
       PetscReal at[3] = {0, 0, 0}, d = PETSC_MAX_REAL;
 
       PetscCall(PetscArraycpy(at, x + f->dim * i, f->dim));
