@@ -96,7 +96,7 @@ static const OptSpec SPECS[] = {
    .help = "refined cells move with bodies and drops: the mesh is rebuilt on the way",
    .when = "-mesh_levels, around bodies that move"},
   {"-mesh_track_distance", OPT_REAL, "cells", 0.1, 100, "2", .old = "-mesh_follow_way",
-   .help = "distance in finest cells that a body moves before the mesh is rebuilt", .when = "-mesh_track",
+   .help = "distance in finest cells that a body or drop moves before the mesh is rebuilt", .when = "-mesh_track",
    .expert = PETSC_TRUE},
 };
 OPT_TABLE("run: mode, time steps", SPECS)
