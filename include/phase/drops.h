@@ -84,12 +84,12 @@ void DropsSetCarried(Drops, PetscInt group, PetscInt like);
 /* Do drops wet walls? All of them or none, see DropsCreate. */
 PetscBool DropsWet(const DropsState *);
 /* In space, where there is no curve of the start, in a box (DropsStartBox, first): signed distances d [n] of x [n][3]
-   from what drops are at the start, their closest points y [n][3]; the number of the drop that is nearest to x; a ball
-   that holds all, and their volume. Not collective. */
+   from what drops are at the start, their closest points y [n][3]; the number of the drop that is nearest to x, and its
+   distance; a ball that holds all, and their volume. Not collective. */
 PetscErrorCode DropsStartBox(Drops, const PetscReal lower[3], const PetscReal upper[3]);
 PetscErrorCode DropsStartDistance(Drops, PetscInt n, const PetscReal x[], PetscReal d[]);
 PetscErrorCode DropsStartClosest(Drops, PetscInt n, const PetscReal x[], PetscReal y[]);
-PetscErrorCode DropsStartNearest(Drops, const PetscReal x[3], PetscInt *number);
+PetscErrorCode DropsStartNearest(Drops, const PetscReal x[3], PetscInt *number, PetscReal *d);
 PetscErrorCode DropsStartBall(Drops, PetscReal centre[3], PetscReal *radius, PetscReal *volume);
 /* pairs.c. May drops meet that are not to merge? */
 PetscBool DropsMayStayApart(const DropsState *);

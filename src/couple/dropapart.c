@@ -12,35 +12,7 @@ typedef struct {
   PetscReal *number, *depth, *mark; /* [nnode_all] at middles of cells: the drop that it is in, -1; signed distance */
 } Labels;
 
-/* The drop that holds x, by all periodic images; -1 */
-static PetscErrorCode find_drop(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], PetscReal *number,
-                                PetscReal *depth)
-{
-  const PetscReal place[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
-
-  PetscFunctionBeginUser;
-  *number = -1;
-  *depth  = -TIE * l->h;
-  for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
-    const PetscReal *middle;
-    PetscInt         drop;
-    PhasePoint       p = {.edge = -1};
-
-    if (!PhaseInterfaceSize(&f->interface)) { /* in space at the start */
-      PetscCall(DropsStartNearest(f->drops, i.at, &drop));
-      PetscCall(DropsStartDistance(f->drops, 1, i.at, &p.d));
-    } else {
-      PhaseInterfaceClosest(&f->interface, i.at, PETSC_MAX_REAL / 4, &p);
-      if (p.edge < 0) continue;
-      (void)PhaseInterfacePiece(&f->interface, p.edge, &drop, &middle);
-    }
-    if (p.d >= *depth) continue;
-    *depth  = p.d;
-    *number = (PetscReal)drop;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
+/* The drops that hold the middles of cells */
 static PetscErrorCode label_cells(const CoupleDrops *f, Couple c, Labels *t)
 {
   const MeshLocal *l = c->loc;
@@ -49,8 +21,11 @@ static PetscErrorCode label_cells(const CoupleDrops *f, Couple c, Labels *t)
   for (PetscInt i = 0; i < l->nnode_all; i++) t->number[i] = -1;
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt i = l->cell_node[e * l->nb + l->nb / 2];
+    PetscInt       drop;
 
-    if (!f->closed[e]) PetscCall(find_drop(f, l, l->x_start + l->dim * i, &t->number[i], &t->depth[i]));
+    if (f->closed[e]) continue;
+    PetscCall(DropsFindDeepest(f, l, l->x_start + l->dim * i, &drop, &t->depth[i]));
+    t->number[i] = t->depth[i] < -TIE * l->h ? (PetscReal)drop : -1;
   }
   PetscCall(MeshSyncNodes(c->mesh, 1, t->number));
   PetscCall(MeshSyncNodes(c->mesh, 1, t->depth));

@@ -35,50 +35,25 @@ static PetscErrorCode close_near(CoupleDrops *f, Couple c, PetscInt k, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Distances of x [n][dim] from drops at the start, and the group of the drop that is nearest to the deepest of them */
-static PetscErrorCode find_depth(const CoupleDrops *f, Couple c, PetscInt n, const PetscReal x[], PetscReal d[],
-                                 PetscInt *group)
-{
-  PetscReal inner = PETSC_MAX_REAL;
-
-  PetscFunctionBeginUser;
-  if (c->loc->dim == 3) PetscCall(DropsStartDistance(f->drops, n, x, d));
-  for (PetscInt i = 0; i < n; i++) {
-    PhasePoint       p = {.edge = -1};
-    const PetscReal *middle;
-
-    if (c->loc->dim == 2) {
-      DropsNearest(&f->interface, c->loc, x + 2 * i, PETSC_MAX_REAL / 4, &p);
-      d[i] = p.d;
-    }
-    if (d[i] >= inner || (c->loc->dim == 2 && p.edge < 0)) continue;
-    inner = d[i]; /* drops have the numbers of their groups still */
-    if (c->loc->dim == 2) (void)PhaseInterfacePiece(&f->interface, p.edge, group, &middle);
-    else PetscCall(DropsStartNearest(f->drops, x + 3 * i, group));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* *group: of the drop that own body k overlaps in part, -1: none */
+/* *group: of the drop that own body k overlaps in part, -1: none; drops have the numbers of their groups still */
 static PetscErrorCode find_overlap(const CoupleDrops *f, Couple c, PetscInt k, PetscInt *group)
 {
-  PetscReal *x, *d, inner = PETSC_MAX_REAL, outer = -PETSC_MAX_REAL;
-  PetscInt   n, deepest = -1;
+  const MeshLocal *l = c->loc;
+  PetscReal       *x, d, inner = 0, outer = 0;
+  PetscInt         n, deepest = -1, drop;
 
   PetscFunctionBeginUser;
   *group = -1;
-  PetscCall(find_depth(f, c, 1, c->s->x[k], &inner, &deepest));
-  if (inner > BodiesGetRadius(c->s, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesSurfacePoints(c->bodies, k, NULL, NULL, POINTS * (c->loc->dim == 2 ? 1 : 4), &n, &x, NULL));
-  PetscCall(PetscMalloc1(n, &d));
-  PetscCall(find_depth(f, c, n, x, d, &deepest));
-  inner = PETSC_MAX_REAL;
+  PetscCall(DropsFindDeepest(f, l, c->s->x[k], &drop, &d));
+  if (d > BodiesGetRadius(c->s, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesSurfacePoints(c->bodies, k, NULL, NULL, POINTS * (l->dim == 2 ? 1 : 4), &n, &x, NULL));
   for (PetscInt i = 0; i < n; i++) {
-    inner = PetscMin(inner, d[i]);
-    outer = PetscMax(outer, d[i]);
+    PetscCall(DropsFindDeepest(f, l, x + l->dim * i, &drop, &d));
+    if (d < inner) deepest = drop;
+    inner = PetscMin(inner, d);
+    outer = PetscMax(outer, d);
   }
-  if (inner < -DEEP * c->loc->h && outer > 0) *group = deepest;
-  PetscCall(PetscFree(d));
+  if (inner < -DEEP * l->h && outer > 0) *group = deepest;
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -93,7 +68,7 @@ PetscErrorCode DropsCheckOverlap(const CoupleDrops *f, Couple c)
 
     if (!c->s->own[k] || c->s->removed[k] || f->angle[c->s->body_group[k]] > 0) continue;
     PetscCall(find_overlap(f, c, k, &group));
-    if (group >= 0) at = c->s->body_group[k] * f->s->ngroups + group;
+    if (group >= 0) at = PetscMax(at, c->s->body_group[k] * f->s->ngroups + group);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
   if (at < 0) PetscFunctionReturn(PETSC_SUCCESS);

@@ -21,6 +21,32 @@ void DropsNearest(const PhaseInterface *f, const MeshLocal *l, const PetscReal x
   }
 }
 
+PetscErrorCode DropsFindDeepest(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], PetscInt *number,
+                                PetscReal *depth)
+{
+  const PetscReal place[3] = {x[0], x[1], l->dim == 3 ? x[2] : 0};
+
+  PetscFunctionBeginUser;
+  *number = -1;
+  *depth  = PETSC_MAX_REAL;
+  for (DomainImages i = {0}; MeshNextImage(l, place, PETSC_MAX_REAL / 4, &i);) {
+    const PetscReal *middle;
+    PetscInt         drop;
+    PhasePoint       p = {.edge = -1};
+
+    if (!PhaseInterfaceSize(&f->interface)) PetscCall(DropsStartNearest(f->drops, i.at, &drop, &p.d));
+    else {
+      PhaseInterfaceClosest(&f->interface, i.at, PETSC_MAX_REAL / 4, &p);
+      if (p.edge < 0) continue;
+      (void)PhaseInterfacePiece(&f->interface, p.edge, &drop, &middle);
+    }
+    if (p.d >= *depth) continue;
+    *depth  = p.d;
+    *number = drop;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* way of the first and the middle node of every edge, v [n][2][2]: a rank looks after its part of them. Collective. */
 static PetscErrorCode evaluate_nodes(CoupleDrops *f, Couple c, const PetscReal way[], const PhaseCurve *curve,
                                      PetscReal v[])

@@ -132,10 +132,8 @@ static PetscErrorCode check_sides(CoupleDrops *f, Couple c)
     PetscReal        d;
 
     if (x[i % 6 / 2] != edge || (l->period[i % 6 / 2] == 0 && wets && *wets >> i % 6 & 1)) continue;
-    PetscCall(DropsStartDistance(f->drops, 1, x, &d));
-    if (d >= 0) continue;
-    PetscCall(DropsStartNearest(f->drops, x, &group));
-    if (f->s->group[group].region) at = PetscMax(at, 8 * group + 1 + i % 6);
+    PetscCall(DropsStartNearest(f->drops, x, &group, &d));
+    if (d < 0 && f->s->group[group].region) at = PetscMax(at, 8 * group + 1 + i % 6);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at, 1, MPIU_INT, MPI_MAX, c->comm));
   if (!at) PetscFunctionReturn(PETSC_SUCCESS);

@@ -158,6 +158,10 @@ PetscErrorCode DropsCheckRegular(CoupleDrops *, Couple);
 void DropsNearest(const PhaseInterface *, const MeshLocal *, const PetscReal x[], PetscReal reach, PhasePoint *);
 /* A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
 PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
+/* Of the drop that x [dim] is in or nearest to, with its images: its number, the signed distance of its interface, in
+   space at the start of what it is; -1: there is none, and that is PETSC_MAX_REAL. Not collective. */
+PetscErrorCode DropsFindDeepest(const CoupleDrops *, const MeshLocal *, const PetscReal x[], PetscInt *number,
+                                PetscReal *depth);
 /* Of velocities u, synced, the mean over every drop: by the flux through its interface, int u_a = int x_a u.n, since
    cells near it have other fluid too. Collective. */
 PetscErrorCode DropsMeanVelocities(CoupleDrops *, Couple, const PetscReal u[]);

@@ -26,7 +26,7 @@ static PetscErrorCode find_nearest(Drops b, const PhaseInterface *from, const Pe
   PetscFunctionBeginUser;
   *number = -1;
   if (!PhaseInterfaceSize(from)) {
-    PetscCall(DropsStartNearest(b, x, number));
+    PetscCall(DropsStartNearest(b, x, number, &p.d));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PhaseInterfaceClosest(from, x, PETSC_MAX_REAL / 4, &p);

@@ -86,12 +86,11 @@ PetscErrorCode DropsStartBox(Drops b, const PetscReal lower[3], const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The group that is nearest to x, and the distance of its surface */
-static PetscErrorCode find_group(Drops b, const PetscReal x[3], PetscInt *group, PetscReal *d)
+PetscErrorCode DropsStartNearest(Drops b, const PetscReal x[3], PetscInt *number, PetscReal *d)
 {
   PetscFunctionBeginUser;
-  *group = 0;
-  *d     = PETSC_MAX_REAL;
+  *number = 0; /* at the start drops have the numbers of their groups */
+  *d      = PETSC_MAX_REAL;
   for (PetscInt g = 0; g < b->s.ngroups; g++) {
     PetscReal r[3], far;
 
@@ -101,8 +100,8 @@ static PetscErrorCode find_group(Drops b, const PetscReal x[3], PetscInt *group,
       PetscCall(ShapeDistance(b->group[g].shape, 1, r, &far));
     }
     if (far >= *d) continue;
-    *d     = far;
-    *group = g;
+    *d      = far;
+    *number = g;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -112,7 +111,7 @@ PetscErrorCode DropsStartDistance(Drops b, PetscInt n, const PetscReal x[], Pets
   PetscInt group;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++) PetscCall(find_group(b, x + 3 * i, &group, d + i));
+  for (PetscInt i = 0; i < n; i++) PetscCall(DropsStartNearest(b, x + 3 * i, &group, d + i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,7 +122,7 @@ PetscErrorCode DropsStartClosest(Drops b, PetscInt n, const PetscReal x[], Petsc
     PetscInt  g;
     PetscReal d, r[3], at[3];
 
-    PetscCall(find_group(b, x + 3 * i, &g, &d));
+    PetscCall(DropsStartNearest(b, x + 3 * i, &g, &d));
     if (b->group[g].region) {
       PetscCall(region_closest(b, b->group + g, x + 3 * i, y + 3 * i));
       continue;
@@ -132,15 +131,6 @@ PetscErrorCode DropsStartClosest(Drops b, PetscInt n, const PetscReal x[], Petsc
     PetscCall(ShapeProject(b->group[g].shape, 1, r, at));
     PetscCall(from_frame(b->group + g, at, y + 3 * i));
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DropsStartNearest(Drops b, const PetscReal x[3], PetscInt *number)
-{
-  PetscReal d;
-
-  PetscFunctionBeginUser;
-  PetscCall(find_group(b, x, number, &d)); /* at the start drops have the numbers of their groups */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -153,6 +153,7 @@ def test_levels(run, scene):
 
 BALL = ["-particle_groups", "drop,ball", "-particle_ball_shape", "circle", "-particle_ball_radius", "0.2", "-particle_ball_density", "2", "-particle_ball_position", "0.5,1.12,0.5"]
 SMALL = ["-particle_ball_radius", "0.1", "-particle_ball_position", "0.2,0.2,0.2"]
+ACROSS = ["-mesh_periodic", "x", "-particle_drop_position", "0.05,0.5,0.5", "-particle_ball_position", "0.95,0.5,0.5"]
 SINKS = ["-mesh_cells", "8,12,8", "-mesh_upper", "1,1.5,1", "-flow_viscosity", "0.05", "-flow_gravity", "0,-8,0", "-sim_dt", "0.04", "-particle_drop_position", "0.5,0.45,0.5"]
 
 
@@ -363,6 +364,7 @@ def test_region_refused(run, scene, options, message):
         (["-particle_drop_contact_angle", "60 deg"], "no plane wall of type slip"),
         (["-flow_velocity_operator", "matrix_free"], "use -flow_velocity_operator assembled"),
         ([*BALL, *SMALL, "-couple_method", "aligned"], "rigid bodies beside them are held by the penalty: give -couple_method penalty"),
+        ([*BALL, *ACROSS, "-couple_method", "penalty"], "'ball' overlaps the drop 'drop'"),
         (["-particle_drop_film", "0.05"], "for the plane so far"),
         (["-particle_drop_radius", "0.1"], "use smaller cells (-mesh_cells)"),
         (["-mesh_levels", "1"], "give -mesh_track"),
