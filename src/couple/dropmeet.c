@@ -137,15 +137,14 @@ static PetscInt find_unlike_mirror(const DropsState *s)
   return -1;
 }
 
-/* Error: at the start a body that is wetted lies across a wall that is no mirror. Collective. */
-static PetscErrorCode check_mirrors(const CoupleDrops *f, Couple c)
+PetscErrorCode DropsCheckMirrors(const CoupleDrops *f, Couple c)
 {
   const MeshLocal *l    = c->loc;
   const PetscInt  *wets = PhaseSurfacesGet(f->surfaces)->ends_on, group = find_unlike_mirror(f->s);
   PetscInt         at = -1, side; /* 6 times group of the body, and the side */
 
   PetscFunctionBeginUser;
-  if (group < 0 || !wets) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->meets || group < 0 || !wets) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2 * l->dim * c->s->n; i++) {
     const PetscInt  k = i / (2 * l->dim), s = i % (2 * l->dim), a = s / 2;
     const PetscReal gap = s % 2 ? l->upper[a] - c->s->x[k][a] : c->s->x[k][a] - l->lower[a];
@@ -175,7 +174,6 @@ PetscErrorCode DropsMeetBodies(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   if (!f->meets) PetscFunctionReturn(PETSC_SUCCESS);
-  if (f->met == 1) PetscCall(check_mirrors(f, c));
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   PetscCall(gather_bodies(f, c, PETSC_FALSE, &s));
   if (c->loc->dim == 2) PetscCall(PhaseCurveMeet(&f->interface.curve, &solid));

@@ -179,6 +179,7 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   if (!f->lined_up) {
     PetscCall(start_curve(f, c));
     PetscCall(DropsCheckOverlap(f, c));
+    PetscCall(DropsCheckMirrors(f, c));
     PetscCall(PetscArrayzero(f->way, c->loc->dim * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {

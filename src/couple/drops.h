@@ -81,6 +81,8 @@ PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
 PetscErrorCode DropsCheckOverlap(const CoupleDrops *, Couple);
 /* dropmeet.c. Contact angles of bodies. Not collective. */
 PetscErrorCode DropsReadAngles(CoupleDrops *, Couple);
+/* Error: at the start a body that is wetted lies across a wall that is no mirror. Collective. */
+PetscErrorCode DropsCheckMirrors(const CoupleDrops *, Couple);
 /* The predicted interface ends on bodies that are wetted, as they are at the end of the step. Collective. */
 PetscErrorCode DropsMeetBodies(CoupleDrops *, Couple);
 /* After bodies have been drawn: their parts of cells, in the density and in the volumes of drops. Collective. */
