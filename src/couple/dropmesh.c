@@ -312,12 +312,11 @@ PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsRestoreMesh(CoupleDrops *f, Couple c)
+PetscErrorCode DropsPlaceNodes(CoupleDrops *f, Couple c)
 {
   const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
-  PetscCall(DropsLineUp(f, c));
   PetscCall(MeshUpdateRestore(c->mesh_update, r->ncell, r->cell,
                               &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -89,15 +89,12 @@ static PetscErrorCode take_fields(CoupleDrops *f, Couple c)
 
 PetscErrorCode DropsArrive(CoupleDrops *f, Couple c, Mesh *old)
 {
-  const AlignResult *r = &f->result;
-
   PetscFunctionBeginUser;
   if (!f->kept) PetscFunctionReturn(PETSC_SUCCESS); /* the first step has not been, or a checkpoint comes */
   PetscCall(AlignKeptArrive(f->kept, old, c->mesh));
   PetscCall(DropsLineUp(f, c));
   PetscCall(take_fields(f, c));
-  PetscCall(MeshUpdateRestore(c->mesh_update, r->ncell, r->cell,
-                              &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
+  PetscCall(DropsPlaceNodes(f, c));
   ConstraintMoveNodes(c->constraint);
   PetscCall(DropsNameCells(f, c));
   PetscCall(AlignKeptDestroy(f->kept));

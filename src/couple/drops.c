@@ -233,7 +233,10 @@ static PetscErrorCode visit(Couple c, void *data, State state)
       if (f->closed && e < c->loc->ncell) f->closed[e] = (PetscBool)(value == CLOSED);
     }
     if (f->regular) PetscCall(DropsFindFractions(f, c));
-    else PetscCall(DropsRestoreMesh(f, c));
+    else {
+      PetscCall(DropsLineUp(f, c));
+      PetscCall(DropsPlaceNodes(f, c));
+    }
     PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
     PetscCall(DropsMeasure(f, c, u));
     PetscCall(DropsSetProperties(f, c));

@@ -158,17 +158,18 @@ PetscErrorCode DropsCheckRegular(CoupleDrops *, Couple);
 /* dropcurve.c. Of the interface and its images, the point closest to x [dim], as seen from there, nearer than reach
    (edge -1: there is none, and d is reach). Not collective. */
 void DropsNearest(const PhaseInterface *, const MeshLocal *, const PetscReal x[], PetscReal reach, PhasePoint *);
-/* A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
-PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
 /* Of the drop that x [dim] is in or nearest to, with its images: its number, the signed distance of its interface, in
    space at the start of what it is; -1: there is none, and that is PETSC_MAX_REAL. Not collective. */
 PetscErrorCode DropsFindDeepest(const CoupleDrops *, const MeshLocal *, const PetscReal x[], PetscInt *number,
                                 PetscReal *depth);
+/* A copy of the curve, its nodes moved by way [nnode_all][dim] as the mesh has it there. Collective. */
+PetscErrorCode DropsMoveCurve(CoupleDrops *, Couple, const PetscReal way[], PhaseCurve *);
 /* Of velocities u, synced, the mean over every drop: by the flux through its interface, int u_a = int x_a u.n, since
    cells near it have other fluid too. Collective. */
 PetscErrorCode DropsMeanVelocities(CoupleDrops *, Couple, const PetscReal u[]);
-/* The mesh of a checkpoint that has been loaded. Collective. */
-PetscErrorCode DropsRestoreMesh(CoupleDrops *, Couple);
+/* After DropsLineUp, of a mesh that has its velocities, of a checkpoint or where cells were rebuilt: nodes go to their
+   places. Collective. */
+PetscErrorCode DropsPlaceNodes(CoupleDrops *, Couple);
 PetscErrorCode DropsSetProperties(CoupleDrops *, Couple);
 /* Nodes xc [nb][dim] of a local cell as the interface has them, moved by way [nnode_all][dim] (NULL: not) */
 PetscErrorCode DropsCellCoordinates(const CoupleDrops *, Couple, PetscInt cell, const PetscReal way[], PetscReal xc[]);

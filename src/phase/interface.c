@@ -71,9 +71,13 @@ static PetscErrorCode copy_sheet(const PhaseSheet *from, PhaseSheet *to)
   PetscFunctionBeginUser;
   PetscCall(PhaseSheetCreate(from->n, from->nnode, from->npart, to));
   PetscCall(PetscArraycpy(to->x, from->x, from->n));
+  PetscCall(PetscArraycpy(to->ball, from->ball, from->n));
+  PetscCall(PetscArraycpy(to->whole, from->whole, 4));
   PetscCall(PetscArraycpy(to->node, from->node, from->n));
   PetscCall(PetscArraycpy(to->drop, from->drop, from->n));
   PetscCall(PetscArraycpy(to->part, from->part, from->n));
+  PetscCall(PetscArraycpy(to->volume, from->volume, from->npart));
+  PetscCall(PetscArraycpy(to->closes, from->closes, from->npart));
   PetscCall(PetscArraycpy(to->wall, from->wall, from->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,6 +88,5 @@ PetscErrorCode PhaseInterfaceCopy(const PhaseInterface *from, PhaseInterface *to
   *to = (PhaseInterface){0};
   if (from->sheet.n) PetscCall(copy_sheet(&from->sheet, &to->sheet));
   if (from->curve.n) PetscCall(PhaseCurveKeep(&from->curve, NULL, &to->curve));
-  PhaseInterfaceUpdate(to);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
