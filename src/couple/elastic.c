@@ -250,7 +250,10 @@ static PetscErrorCode prepare(Couple c, void *data)
   if (e->align && e->anchored && !e->ale) PetscCall(begin_anchored(e, c));
   PetscCall(ElasticStartPhases(e, c));
   if (e->ale) PetscCall(ElasticAleUpdate(e->ale, c->step, e->x));
-  else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+  else if (e->align) {
+    PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+    PetscCall(ElasticGiveUp(e, c));
+  }
   PetscCall(ElasticStartInside(e, c));
   PetscCall(ElasticSetPhases(e, c, e->x));
   PetscCall(ElasticMap(e, c));

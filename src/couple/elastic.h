@@ -127,6 +127,9 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
+/* elasticgiveup.c: after an update of the mesh, in solids that it followed until then: the old velocities of the flow
+   are those of the material. Collective. */
+PetscErrorCode ElasticGiveUp(const Elastic *, Couple);
 /* elasticstart.c: once, before the first step, with the mesh lined up: the velocity of the flow changes by what
    velocities that solids start with make of the fluid inside. Collective. */
 PetscErrorCode ElasticStartInside(Elastic *, Couple);

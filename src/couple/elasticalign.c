@@ -22,6 +22,7 @@ struct _p_ElasticAlign {
   PetscBool          beside;       /* it is that of rigid bodies */
   AlignOwner         owner;        /* aligned, waits: [n] */
   PetscReal         *x;            /* [nnode][dim] of the last update */
+  PetscBool         *left;         /* [n] aligned until this update */
   PetscBool          solid_inside; /* some cells are a solid's */
   PetscReal         *density;      /* [ncell_all] */
   PetscInt          *label;        /* [ncell_all] */
@@ -32,6 +33,7 @@ static PetscErrorCode carry_others(void *ctx, const AlignChange *change)
   const ElasticAlign f = (ElasticAlign)ctx;
 
   PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < f->s->n; k++) f->left[k] = (PetscBool)(change->before[k] && !f->owner.aligned[k]);
   if (f->carry) PetscCall((*f->carry)(f->ctx, change->remap, change->result));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -55,7 +57,7 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
                           .inside = SolidsHave(s, PETSC_TRUE) ? ALIGN_FLUID : ALIGN_MATERIAL,
                           .ctx    = f,
                           .carry  = carry_others};
-  PetscCall(PetscCalloc3(s->nnode * s->dim, &f->x, s->n, &f->owner.aligned, s->n, &f->owner.waits));
+  PetscCall(PetscCalloc4(s->nnode * s->dim, &f->x, s->n, &f->owner.aligned, s->n, &f->owner.waits, s->n, &f->left));
   PetscCall(PetscCalloc2(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label));
   if (beside) f->driver = beside;
   else PetscCall(AlignDriverCreate(flow, update, &f->driver));
@@ -86,7 +88,7 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   if (!f->beside) PetscCall(AlignDriverDestroy(&f->driver));
-  PetscCall(PetscFree3(f->x, f->owner.aligned, f->owner.waits));
+  PetscCall(PetscFree4(f->x, f->owner.aligned, f->owner.waits, f->left));
   PetscCall(PetscFree2(f->density, f->label));
   PetscCall(PetscFree(*align));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -135,6 +137,7 @@ PetscErrorCode ElasticAlignGetLabels(ElasticAlign f, ElasticLabels *labels)
 {
   PetscFunctionBeginUser;
   *labels = (ElasticLabels){.lined      = f->owner.aligned,
+                            .left       = f->left,
                             .cell_solid = f->label,
                             .density    = f->solid_inside ? f->density : NULL};
   for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->owner.aligned[k];

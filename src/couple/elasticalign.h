@@ -15,6 +15,7 @@ typedef struct _p_ElasticAlign *ElasticAlign;
 typedef struct {
   const PetscBool *lined;      /* [solids] does the mesh follow it in this step? */
   const PetscInt  *cell_solid; /* [ncell_all] solid that a cell is inside of, -1: fluid; for solids it follows */
+  const PetscBool *left;       /* [solids] does it not, after it did in the last one? */
   PetscInt         immersed;   /* solids that it does not follow */
   const PetscReal *density;    /* [ncell_all] for FlowSetProperties, NULL: the fluid's everywhere */
 } ElasticLabels;
