@@ -214,6 +214,9 @@ PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
 PetscReal CoupleGetVolumeKept(Couple, PetscInt k);
 /* Steps of this run in which -couple_method aligned left some elastic solid immersed; -1: another method. Local. */
 PetscInt CoupleCountImmersed(Couple);
+/* The largest share of the momentum of fluid and elastic solids that lining the mesh up with these changed in a step;
+   -1: it is not measured. Local. */
+PetscReal CoupleGetMomentumCarried(Couple);
 /* Has any body slip (bodies/slip.h)? Local. */
 PetscBool CoupleHasSlip(Couple);
 /* After CoupleForce: *speed, mean of the velocities of bodies with slip along their directions of swimming, *power, sum

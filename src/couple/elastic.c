@@ -55,6 +55,7 @@ static PetscErrorCode keep_of_mesh(Couple c, void *data)
   PetscFunctionBeginUser;
   (void)c;
   if (e->align) PetscCall(ElasticAlignBeforeRemesh(e->align, &e->left));
+  e->lineup.done = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -250,10 +251,7 @@ static PetscErrorCode prepare(Couple c, void *data)
   if (e->align && e->anchored && !e->ale) PetscCall(begin_anchored(e, c));
   PetscCall(ElasticStartPhases(e, c));
   if (e->ale) PetscCall(ElasticAleUpdate(e->ale, c->step, e->x));
-  else if (e->align) {
-    PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
-    PetscCall(ElasticGiveUp(e, c));
-  }
+  else if (e->align) PetscCall(ElasticLineUp(e, c));
   PetscCall(ElasticStartInside(e, c));
   PetscCall(ElasticSetPhases(e, c, e->x));
   PetscCall(ElasticMap(e, c));
@@ -425,6 +423,7 @@ static PetscErrorCode advance(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(remark_far(e, c));
   PetscCall(ElasticCheckStep(e, c));
+  PetscCall(ElasticTellLineUp(e, c));
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u, e->tensions.tension));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));

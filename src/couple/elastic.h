@@ -65,6 +65,12 @@ typedef struct {
   PetscBool inside;   /* the fluid inside has taken the velocities of solids */
 } ElasticOnce;
 
+/* Share of the momentum that lining up changed in this step, and the largest of the run */
+typedef struct {
+  PetscReal share, largest;
+  PetscBool done, told; /* on this mesh: has it been lined up? */
+} ElasticLineUps;
+
 /* Where the mesh is lined up with solids in every step, how nodes move for scalars (feet.h), [nnode_all][dim] each;
    NULL: there are none */
 typedef struct {
@@ -96,6 +102,7 @@ typedef struct Elastic {
   PetscBool         anchored;
   ElasticCarried    carried;
   ElasticLabels     labels; /* of this step, if there is one */
+  ElasticLineUps    lineup;
   PetscInt          immersed_steps;
   ElasticOnce       once;
   ElasticContacts   contacts;
@@ -127,9 +134,11 @@ PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
 PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
-/* elasticgiveup.c: after an update of the mesh, in solids that it followed until then: the old velocities of the flow
-   are those of the material. Collective. */
-PetscErrorCode ElasticGiveUp(const Elastic *, Couple);
+/* elasticlineup.c: the mesh follows the solids at their predicted positions, e->labels; where it does no more, the old
+   velocities of the flow are those of the material. Collective. */
+PetscErrorCode ElasticLineUp(Elastic *, Couple);
+/* Of a step that is accepted: what that changed of the momentum, a remark if it is large. Collective. */
+PetscErrorCode ElasticTellLineUp(Elastic *, Couple);
 /* elasticstart.c: once, before the first step, with the mesh lined up: the velocity of the flow changes by what
    velocities that solids start with make of the fluid inside. Collective. */
 PetscErrorCode ElasticStartInside(Elastic *, Couple);

@@ -4,7 +4,8 @@
    Cells inside a solid stay in the flow for its viscosity, pressure and continuity, and have no inertia, convection or
    weight of the fluid: their density is zero (FlowSetProperties), since the solid brings its own. Old velocities of the
    nodes that move come from the flow's side alone, at the surface too: they have two values there. A solid that the
-   mesh cannot follow is immersed in that step and the ten after it. */
+   mesh cannot follow is immersed in that step and the ten after it, and the fluid inside begins with its velocities
+   (elasticlineup.c). */
 #pragma once
 #include "aligned.h"
 #include "couple/elasticsurfaces.h"

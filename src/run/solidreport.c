@@ -158,7 +158,8 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g, const PetscReal value
 
 PetscErrorCode SolidReportStep(SolidReport r)
 {
-  PetscInt nwatch = 0, immersed = -1;
+  PetscInt  nwatch = 0, immersed = -1;
+  PetscReal carried = -1;
   PetscReal(*value)[NGROUP]; /* of all solids */
 
   PetscFunctionBeginUser;
@@ -182,6 +183,8 @@ PetscErrorCode SolidReportStep(SolidReport r)
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_kept_max", r->kept));
   if (r->couple) immersed = CoupleCountImmersed(r->couple);
   if (immersed >= 0) PetscCall(MonitorQuantity(r->monitor, "solid_immersed_steps", (PetscReal)immersed));
+  if (r->couple) carried = CoupleGetMomentumCarried(r->couple);
+  if (carried >= 0) PetscCall(MonitorQuantity(r->monitor, "solid_momentum_carried_max", carried));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -32,12 +32,17 @@ def fly(run, scene, method, *options, material=MATERIAL, density="1", ranks=1, f
 def test_momentum(run, scene, method, density):
     """After a step the momentum of fluid and disc is that of the disc at the start, whatever the fluid has in its place, but for the area that its reference mesh lacks; lined up
     it moves as a rigid one (immersed it is larger by a part of a cell: .191 for .240)."""
-    first, *_, last = read_rows(fly(run, scene, method, density=density) / "series.csv")
+    folder = fly(run, scene, method, density=density)
+    rows = read_rows(folder / "series.csv")
+    first, last = rows[0], rows[-1]
     excess = (float(density) - 1) * AREA
     for axis, u, given in (("x", "solid_u_soft", 0.6), ("y", "solid_v_soft", -0.3)):
         assert 9 * first[f"mean_velocity_{axis}"] + excess * first[u] == pytest.approx(float(density) * AREA * given, rel=1e-4)
     if method == "penalty":
         return
+    momentum = [9 * row["mean_velocity_x"] + excess * row["solid_u_soft"] for row in rows]
+    share = json.loads((folder / "summary.json").read_text())["quantities"]["solid_momentum_carried_max"]
+    assert share < 0.01 and max(abs(b - a) for a, b in zip(momentum, momentum[1:])) < 0.05 * momentum[0]
     rigid = read_rows(fly(run, scene, method, material="", density=density, folder="rigid") / "bodies.csv")[-1]
     assert last["solid_u_soft"] == pytest.approx(rigid["u"], rel=0.005)
 
@@ -61,7 +66,9 @@ def test_given_up(run, scene, ranks):
     bar = bar.replace("angular_velocity: 1", "angular_velocity: 3").replace("DENSITY", "1").replace("convection: false", "convection: true")
     result = run([scene(bar), "-couple_method", "aligned", "-sim_dt", "0.04", "-output_dir", "out"], ranks)
     assert result.status == 0, str(result)
-    assert json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]["solid_immersed_steps"] == 3
+    quantities = json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]
+    assert quantities["solid_immersed_steps"] == 3 and 0.01 < quantities["solid_momentum_carried_max"] < 0.015
+    assert "lining the mesh up with elastic particles changed the momentum" in result.out + result.err
     rows = [9 * row["mean_velocity_x"] / (0.27 * 0.6) for row in read_rows(result.folder / "out" / "series.csv")]
     assert rows[0] == pytest.approx(1, rel=1e-3) and max(rows) < 1.1
 
