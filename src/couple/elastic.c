@@ -423,8 +423,8 @@ static PetscErrorCode advance(Couple c, void *data)
   PetscFunctionBeginUser;
   PetscCall(remark_far(e, c));
   PetscCall(ElasticCheckStep(e, c));
-  PetscCall(ElasticTellLineUp(e, c));
-  e->immersed_steps += e->align && e->labels.immersed;
+  PetscCall(ElasticRemarkLineUp(e, c));
+  e->lineup.immersed += e->align && e->labels.immersed;
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->end, e->u, e->tensions.tension));
   if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -576,7 +576,7 @@ PetscReal CoupleGetVolumeKept(Couple c, PetscInt k)
 
 PetscInt CoupleCountImmersed(Couple c)
 {
-  return c->elastic && c->elastic->aligned ? c->elastic->immersed_steps : -1;
+  return c->elastic && c->elastic->aligned ? c->elastic->lineup.immersed : -1;
 }
 
 PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])

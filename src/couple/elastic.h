@@ -65,9 +65,10 @@ typedef struct {
   PetscBool inside;   /* the fluid inside has taken the velocities of solids */
 } ElasticOnce;
 
-/* Share of the momentum that lining up changed in this step, and the largest of the run */
+/* Part of the momentum that lining up changed in this step, and the largest of the run */
 typedef struct {
-  PetscReal share, largest;
+  PetscReal change, largest;
+  PetscInt  immersed;   /* steps of the run in which some solid was */
   PetscBool done, told; /* on this mesh: has it been lined up? */
 } ElasticLineUps;
 
@@ -103,7 +104,6 @@ typedef struct Elastic {
   ElasticCarried    carried;
   ElasticLabels     labels; /* of this step, if there is one */
   ElasticLineUps    lineup;
-  PetscInt          immersed_steps;
   ElasticOnce       once;
   ElasticContacts   contacts;
   PetscBool        *within; /* [solids][solids] does the first start in the second, a membrane? NULL: there is none */
@@ -138,7 +138,7 @@ PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);
    velocities of the flow are those of the material. Collective. */
 PetscErrorCode ElasticLineUp(Elastic *, Couple);
 /* Of a step that is accepted: what that changed of the momentum, a remark if it is large. Collective. */
-PetscErrorCode ElasticTellLineUp(Elastic *, Couple);
+PetscErrorCode ElasticRemarkLineUp(Elastic *, Couple);
 /* elasticstart.c: once, before the first step, with the mesh lined up: the velocity of the flow changes by what
    velocities that solids start with make of the fluid inside. Collective. */
 PetscErrorCode ElasticStartInside(Elastic *, Couple);

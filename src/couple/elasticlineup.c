@@ -156,7 +156,7 @@ PetscErrorCode ElasticLineUp(Elastic *e, Couple c)
   Momentum before, after;
 
   PetscFunctionBeginUser;
-  e->lineup.share = 0;
+  e->lineup.change = 0;
   if (is_measured(e)) PetscCall(find_momentum(e, c, &before));
   PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
   PetscCall(give_up(e, c));
@@ -165,23 +165,23 @@ PetscErrorCode ElasticLineUp(Elastic *e, Couple c)
 
     PetscCall(find_momentum(e, c, &after));
     for (PetscInt a = 0; a < 3; a++) change[a] = after.momentum[a] - before.momentum[a] + c->step->dt * before.turn[a];
-    e->lineup.share = PetscSqrtReal(dot3(change, change)) / before.size;
+    e->lineup.change = PetscSqrtReal(dot3(change, change)) / before.size;
   }
   e->lineup.done = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ElasticTellLineUp(Elastic *e, Couple c)
+PetscErrorCode ElasticRemarkLineUp(Elastic *e, Couple c)
 {
   PetscFunctionBeginUser;
-  e->lineup.largest = PetscMax(e->lineup.largest, e->lineup.share);
-  if (e->lineup.told || e->lineup.share < LARGE) PetscFunctionReturn(PETSC_SUCCESS);
+  e->lineup.largest = PetscMax(e->lineup.largest, e->lineup.change);
+  if (e->lineup.told || e->lineup.change < LARGE) PetscFunctionReturn(PETSC_SUCCESS);
   e->lineup.told = PETSC_TRUE;
   PetscCall(
     LogRemark("lining the mesh up with elastic particles changed the momentum of fluid and particles by %.2g %% of it in the step to t = %g "
               "(solid_momentum_carried_max of summary.json): the flow between them, or the way in a step, is too large for the cells: lower -sim_dt (%g), use "
               "smaller cells there, or -couple_method penalty, which keeps it",
-              100 * (double)e->lineup.share, (double)c->step->time, (double)c->step->dt));
+              100 * (double)e->lineup.change, (double)c->step->time, (double)c->step->dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
