@@ -14,6 +14,9 @@ void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], Fa
 /* The nearest place to p: Newton's method from the nearest node, coordinates kept within their ends and steps shortened
    until the distance falls */
 void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePoint *);
+/* Of the nearest places of two faces of about that size to one point: is a nearer than b? Not if that is for round-off
+   to say, as where a point is as far from both sides of a symmetric body. */
+PetscBool FaceIsNearer(const FacePoint *a, const FacePoint *b, PetscReal size);
 /* Unit normal of a place, to the side that tangents and lattice say (right-handed in space; in the plane t turned to
    the left) */
 void FaceNormal(PetscInt dim, const FacePoint *, PetscReal n[3]);

@@ -6,6 +6,9 @@
 #define ROUNDS    40
 #define HALVINGS  30
 #define ROUND_OFF 1e-14 /* step in coordinates */
+#define EQUAL     1e-15 /* of the coordinates: distances that differ by it are the same, */
+#define FIRST     1e-6  /* nodes whose distances differ by such a share are as near, */
+#define TIE       1e-9  /* sizes of a face: two places are as near if they would be from a point so far beside */
 #define FLAT      1e-2  /* sine of the angle of tangents */
 #define BESIDE    0.9   /* coordinates of a place beside a corner */
 
@@ -89,18 +92,19 @@ static void find_step(PetscInt dim, const FacePoint *f, const PetscReal p[3], Pe
 
 void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePoint *f)
 {
-  PetscReal best = PETSC_MAX_REAL, s[2] = {0, 0};
+  PetscReal best = PETSC_MAX_REAL, s[2] = {0, 0}, equal = 0;
 
   for (PetscInt i = 0; i < (dim == 2 ? 3 : 9); i++) {
     const PetscReal d = distance_to(x[i], p);
 
-    if (d >= best) continue;
+    if (d >= (1 - FIRST) * best) continue;
     best = d;
     s[0] = i % 3 - 1;
     s[1] = dim == 3 ? i / 3 - 1 : 0;
   }
   FaceEvaluate(dim, x, s, f);
   f->distance = best;
+  for (PetscInt a = 0; a < 3; a++) equal = PetscMax(equal, EQUAL * (PetscAbsReal(p[a]) + best));
   for (PetscInt round = 0; round < ROUNDS; round++) {
     PetscReal step[2], step_fraction = 1, change = 0;
     FacePoint next = *f;
@@ -111,12 +115,21 @@ void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], Fac
       FaceEvaluate(dim, x, s, &next);
       next.distance = distance_to(next.x, p);
       if (next.distance <= f->distance) break;
+      if (half == 0 && next.distance <= f->distance + equal) { /* exacter than distances tell */
+        *f = next;
+        return;
+      }
     }
     if (next.distance > f->distance) break;
     for (PetscInt k = 0; k < 2; k++) change = PetscMax(change, PetscAbsReal(next.s[k] - f->s[k]));
     *f = next;
     if (change < ROUND_OFF) break;
   }
+}
+
+PetscBool FaceIsNearer(const FacePoint *a, const FacePoint *b, PetscReal size)
+{
+  return (PetscBool)(PetscSqr(b->distance) - PetscSqr(a->distance) > 2 * TIE * size * distance_to(a->x, b->x));
 }
 
 void FaceNormal(PetscInt dim, const FacePoint *f, PetscReal n[3])

@@ -4,7 +4,8 @@
 #include "base/algebra.h"
 #include "fem/element.h"
 
-#define BULGE 1.2 /* a face lies in so many times the ball about its middle that holds its nodes */
+#define FIRST 1e-6 /* faces whose middles' distances differ by such a share are as near */
+#define BULGE 1.2  /* a face lies in so many times the ball about its middle that holds its nodes */
 
 struct _p_ElasticFaces {
   const SolidsState *s;
@@ -99,7 +100,7 @@ PetscReal ElasticFacesNearest(ElasticFaces b, PetscInt k, const PetscReal p[3], 
   for (PetscInt f = b->first[k]; f < b->first[k + 1]; f++) {
     const PetscReal far = distance_of(p, b->x + 3 * b->node[9 * f + 4]);
 
-    if (far >= best) continue;
+    if (far >= (1 - FIRST) * best) continue;
     best  = far;
     start = f;
   }
@@ -113,7 +114,7 @@ PetscReal ElasticFacesNearest(ElasticFaces b, PetscInt k, const PetscReal p[3], 
     if (i == start || distance_of(p, b->x + 3 * b->node[9 * f + 4]) - b->half[f] > best) continue;
     points_of(b, b->node + 9 * f, x);
     FaceNearest(3, x, p, &at);
-    if (at.distance >= best) continue;
+    if (f != start && !FaceIsNearer(&at, nearest, b->half[f])) continue;
     best     = at.distance;
     which    = f;
     *nearest = at;

@@ -14,6 +14,7 @@
 
 #define CLAMP_REACH 2    /* cells */
 #define CLOSED      0.01 /* of a cell: a gap that contact has not kept open */
+#define SAME        1e-9 /* gaps that differ by such a share are as wide: at the start one may be a cell */
 
 enum {
   TO_BOUNDARY,
@@ -31,7 +32,7 @@ typedef struct {
 
 static PetscBool is_narrower(PetscReal gap, PetscReal size, const Gap *best)
 {
-  return (PetscBool)(gap < best->cells * size);
+  return (PetscBool)(gap < (1 - SAME) * best->cells * size);
 }
 
 static void note(Gap *best, PetscReal gap, PetscReal size, const PetscReal y[3], const Gap *which)
