@@ -21,22 +21,24 @@ static PetscReal find_rate(const Elastic *e, PetscInt k, const PetscReal u[])
   const PetscInt   dim = m->dim, nd = m->nd;
   PetscReal        most = 0;
 
-  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
-    PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N], F[9], C[9] = {0}, inverse[9], G[9], square = 0;
+  for (PetscInt cell = 0; cell < m->ncell; cell++) {
+    PetscReal xc[SOLID_MAX_N], uc[SOLID_MAX_N];
 
-    if (i % m->nq == 0) {
-      SolidGather(m, i / m->nq, e->s->x + dim * e->s->first[k], xc);
-      SolidGather(m, i / m->nq, u, uc);
+    SolidGather(m, cell, e->s->x + dim * e->s->first[k], xc);
+    SolidGather(m, cell, u, uc);
+    for (PetscInt q = 0; q < m->nq; q++) {
+      PetscReal F[9], C[9] = {0}, inverse[9], G[9], square = 0;
+
+      (void)SolidGradient(m, cell, q, xc, F);
+      (void)SolidGradient(m, cell, q, uc, G);
+      for (PetscInt j = 0; j < nd * nd; j++)
+        for (PetscInt a = 0; a < dim; a++) C[j] += F[a * nd + j / nd] * F[a * nd + j % nd];
+      if (nd == 1) inverse[0] = 1 / C[0];
+      else (void)DenseInvertMap(nd, C, inverse);
+      for (PetscInt j = 0; j < nd * nd; j++)
+        for (PetscInt a = 0; a < dim; a++) square += G[a * nd + j / nd] * inverse[j] * G[a * nd + j % nd];
+      most = PetscMax(most, square);
     }
-    (void)SolidGradient(m, i / m->nq, i % m->nq, xc, F);
-    (void)SolidGradient(m, i / m->nq, i % m->nq, uc, G);
-    for (PetscInt j = 0; j < nd * nd; j++)
-      for (PetscInt a = 0; a < dim; a++) C[j] += F[a * nd + j / nd] * F[a * nd + j % nd];
-    if (nd == 1) inverse[0] = 1 / C[0];
-    else (void)DenseInvertMap(nd, C, inverse);
-    for (PetscInt j = 0; j < nd * nd; j++)
-      for (PetscInt a = 0; a < dim; a++) square += G[a * nd + j / nd] * inverse[j] * G[a * nd + j % nd];
-    most = PetscMax(most, square);
   }
   return PetscSqrtReal(most);
 }
@@ -65,11 +67,12 @@ static PetscBool is_inverted(const Elastic *e, PetscInt k)
 {
   const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
 
-  for (PetscInt i = 0; i < m->ncell * m->nq; i++) {
+  for (PetscInt cell = 0; cell < m->ncell; cell++) {
     PetscReal xc[SOLID_MAX_N], F[9];
 
-    if (i % m->nq == 0) SolidGather(m, i / m->nq, e->end + m->dim * e->s->first[k], xc);
-    if (!(SolidGradient(m, i / m->nq, i % m->nq, xc, F) > 0)) return PETSC_TRUE;
+    SolidGather(m, cell, e->end + m->dim * e->s->first[k], xc);
+    for (PetscInt q = 0; q < m->nq; q++)
+      if (!(SolidGradient(m, cell, q, xc, F) > 0)) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
