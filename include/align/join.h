@@ -14,5 +14,7 @@ PetscErrorCode AlignJoinDestroy(AlignJoin *);
 PetscErrorCode AlignJoinUpdate(AlignJoin);
 /* The first of the surfaces of each owner [n + 1], since the last update; borrowed. */
 const PetscInt *AlignJoinGetFirst(AlignJoin);
+/* The owner of surface *k, which becomes the number that he has for it */
+PetscInt AlignJoinFindOwner(AlignJoin, PetscInt *k);
 /* Of one owner that is his own table; borrowed. */
 const AlignSurfaces *AlignJoinGet(AlignJoin);

@@ -13,15 +13,21 @@ struct _p_AlignJoin {
   PetscReal (*centre)[3], *radius, *round, *volume;
 };
 
+PetscInt AlignJoinFindOwner(AlignJoin j, PetscInt *k)
+{
+  PetscInt i = 0;
+
+  while (*k >= j->first[i + 1]) i++;
+  *k -= j->first[i];
+  return i;
+}
+
 /* Whose surface k is, which becomes the number that he has for it */
 static const AlignSurfaces *member_of(void *ctx, PetscInt *k)
 {
   const AlignJoin j = (AlignJoin)ctx;
-  PetscInt        i = 0;
 
-  while (*k >= j->first[i + 1]) i++;
-  *k -= j->first[i];
-  return j->member[i];
+  return j->member[AlignJoinFindOwner(j, k)];
 }
 
 /* ---- what the table asks ---- */

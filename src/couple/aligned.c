@@ -39,12 +39,7 @@ struct _p_AlignDriver {
 /* Whose surface k is, which becomes the number that he has for it */
 static const AlignOwner *owner_of(AlignDriver f, PetscInt *k)
 {
-  const PetscInt *first = AlignJoinGetFirst(f->join);
-  PetscInt        i     = 0;
-
-  while (*k >= first[i + 1]) i++;
-  *k -= first[i];
-  return f->owner[i];
+  return f->owner[AlignJoinFindOwner(f->join, k)];
 }
 
 /* The surfaces that there are now, and how they were in the last fit */
