@@ -9,8 +9,7 @@
 /* Of a mesh that is no more */
 struct _n_AlignBodiesKept {
   AlignKept *mesh;
-  PetscBool *aligned;                /* [n] */
-  PetscInt  *waits;                  /* [n] */
+  PetscInt  *fitted;                 /* [n] AlignOwnerPack */
   PetscReal (*X)[3], (*q)[4], *size; /* [n] */
 };
 
@@ -180,12 +179,11 @@ PetscErrorCode AlignBodiesBeforeRemesh(AlignBodies f, AlignBodiesKept **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(AlignDriverBeforeRemesh(f->driver, &s->mesh));
-  PetscCall(PetscMalloc5(n, &s->aligned, n, &s->waits, n, &s->X, n, &s->q, n, &s->size));
+  PetscCall(PetscMalloc4(n, &s->fitted, n, &s->X, n, &s->q, n, &s->size));
   PetscCall(PetscArraycpy(s->size, f->size, n));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
-  PetscCall(PetscArraycpy(s->aligned, f->owner.aligned, n));
-  PetscCall(PetscArraycpy(s->waits, f->owner.waits, n));
+  AlignOwnerPack(&f->owner, n, s->fitted);
   *left = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -196,13 +194,12 @@ PetscErrorCode AlignBodiesAfterRemesh(AlignBodies f, AlignBodiesKept **left, Mes
   AlignBodiesKept *s = *left;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(f->owner.aligned, s->aligned, n));
-  PetscCall(PetscArraycpy(f->owner.waits, s->waits, n));
+  AlignOwnerUnpack(&f->owner, n, s->fitted);
   PetscCall(PetscArraycpy(f->size, s->size, n));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)s->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)s->q, 4 * n));
   PetscCall(AlignDriverAfterRemesh(f->driver, &s->mesh, old));
-  PetscCall(PetscFree5(s->aligned, s->waits, s->X, s->q, s->size));
+  PetscCall(PetscFree4(s->fitted, s->X, s->q, s->size));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -223,21 +220,18 @@ static PetscErrorCode restore(AlignBodies f)
 static PetscErrorCode visit_bodies(AlignBodies f, State state)
 {
   const PetscInt n = f->state->n;
-  PetscInt      *aligned;
+  PetscInt      *fitted;
   BodyRows       rows;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(f->bodies, &rows));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_q", 4, (PetscReal *)f->q));
-  PetscCall(PetscMalloc1(n, &aligned));
-  for (PetscInt k = 0; k < n; k++) aligned[k] = f->owner.aligned[k] ? 1 : -f->owner.waits[k];
-  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", aligned));
-  for (PetscInt k = 0; k < n; k++) {
-    f->owner.aligned[k] = (PetscBool)(aligned[k] > 0);
-    f->owner.waits[k]   = PetscMax(0, -aligned[k]);
-  }
-  PetscCall(PetscFree(aligned));
+  PetscCall(PetscMalloc1(n, &fitted));
+  AlignOwnerPack(&f->owner, n, fitted);
+  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", fitted));
+  AlignOwnerUnpack(&f->owner, n, fitted);
+  PetscCall(PetscFree(fitted));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

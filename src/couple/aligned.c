@@ -36,6 +36,19 @@ struct _p_AlignDriver {
 
 /* ---- owners ---- */
 
+void AlignOwnerPack(const AlignOwner *o, PetscInt n, PetscInt v[])
+{
+  for (PetscInt k = 0; k < n; k++) v[k] = o->aligned[k] ? 1 : -o->waits[k];
+}
+
+void AlignOwnerUnpack(const AlignOwner *o, PetscInt n, const PetscInt v[])
+{
+  for (PetscInt k = 0; k < n; k++) {
+    o->aligned[k] = (PetscBool)(v[k] > 0);
+    o->waits[k]   = PetscMax(0, -v[k]);
+  }
+}
+
 /* Whose surface k is, which becomes the number that he has for it */
 static const AlignOwner *owner_of(AlignDriver f, PetscInt *k)
 {

@@ -46,6 +46,11 @@ typedef struct {
   PetscErrorCode (*carry)(void *ctx, const AlignChange *);
 } AlignOwner;
 
+/* aligned and waits of n surfaces as one number each, for checkpoints and other meshes: 1, or minus the steps that it
+   waits; and back. */
+void AlignOwnerPack(const AlignOwner *, PetscInt n, PetscInt v[]);
+void AlignOwnerUnpack(const AlignOwner *, PetscInt n, const PetscInt v[]);
+
 /* Collective. */
 PetscErrorCode AlignDriverCreate(Flow, MeshUpdate, AlignDriver *);
 PetscErrorCode AlignDriverDestroy(AlignDriver *);

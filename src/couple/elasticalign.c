@@ -6,9 +6,8 @@
 
 /* Of a mesh that is no more */
 struct _n_ElasticAlignKept {
-  AlignKept *mesh;    /* NULL: the driver of rigid bodies has it */
-  PetscBool *aligned; /* [n] */
-  PetscInt  *waits;   /* [n] */
+  AlignKept *mesh;   /* NULL: the driver of rigid bodies has it */
+  PetscInt  *fitted; /* [n] AlignOwnerPack */
 };
 
 struct _p_ElasticAlign {
@@ -151,9 +150,8 @@ PetscErrorCode ElasticAlignBeforeRemesh(ElasticAlign f, ElasticAlignKept **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&kept));
   if (!f->beside) PetscCall(AlignDriverBeforeRemesh(f->driver, &kept->mesh));
-  PetscCall(PetscMalloc2(f->s->n, &kept->aligned, f->s->n, &kept->waits));
-  PetscCall(PetscArraycpy(kept->aligned, f->owner.aligned, f->s->n));
-  PetscCall(PetscArraycpy(kept->waits, f->owner.waits, f->s->n));
+  PetscCall(PetscMalloc1(f->s->n, &kept->fitted));
+  AlignOwnerPack(&f->owner, f->s->n, kept->fitted);
   *left = kept;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -163,28 +161,24 @@ PetscErrorCode ElasticAlignAfterRemesh(ElasticAlign f, ElasticAlignKept **left, 
   ElasticAlignKept *kept = *left;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(f->owner.aligned, kept->aligned, f->s->n));
-  PetscCall(PetscArraycpy(f->owner.waits, kept->waits, f->s->n));
+  AlignOwnerUnpack(&f->owner, f->s->n, kept->fitted);
   if (kept->mesh) PetscCall(AlignDriverAfterRemesh(f->driver, &kept->mesh, old));
-  PetscCall(PetscFree2(kept->aligned, kept->waits));
+  PetscCall(PetscFree(kept->fitted));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode visit_solids(ElasticAlign f, State state)
 {
-  PetscInt *aligned;
+  PetscInt *fitted;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "elastic_x", f->s->nnode * f->s->dim, f->x));
-  PetscCall(PetscMalloc1(f->s->n, &aligned));
-  for (PetscInt k = 0; k < f->s->n; k++) aligned[k] = f->owner.aligned[k] ? 1 : -f->owner.waits[k];
-  PetscCall(StateInts(state, "elastic_fitted", f->s->n, aligned));
-  for (PetscInt k = 0; k < f->s->n; k++) {
-    f->owner.aligned[k] = (PetscBool)(aligned[k] > 0);
-    f->owner.waits[k]   = PetscMax(0, -aligned[k]);
-  }
-  PetscCall(PetscFree(aligned));
+  PetscCall(PetscMalloc1(f->s->n, &fitted));
+  AlignOwnerPack(&f->owner, f->s->n, fitted);
+  PetscCall(StateInts(state, "elastic_fitted", f->s->n, fitted));
+  AlignOwnerUnpack(&f->owner, f->s->n, fitted);
+  PetscCall(PetscFree(fitted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
