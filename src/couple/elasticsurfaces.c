@@ -275,8 +275,7 @@ static void set_ball(ElasticSurfaces b, PetscInt k)
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
 {
   const SolidsState *s = b->s;
-
-  PetscBool same;
+  PetscBool          same;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArraycmp(b->x, x, s->dim * s->nnode, &same));

@@ -223,7 +223,7 @@ static PetscErrorCode distribute(Solids b)
   PetscCallMPI(MPI_Comm_size(b->comm, &size));
   PetscCall(PetscMalloc1(size + 1, &b->start));
   for (PetscInt r = 0, k = 0; r <= size; r++) {
-    while (k < s->n && size * b->first[k] < r * s->nnode) k++;
+    while (k < s->n && (PetscInt64)size * b->first[k] < (PetscInt64)r * s->nnode) k++;
     b->start[r] = k;
   }
   s->own[0] = b->start[rank];
