@@ -409,6 +409,7 @@ static PetscErrorCode set_forces(Couple c, void *data)
 
   PetscFunctionBeginUser;
   (void)data;
+  if (!c->fitted->n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   PetscCall(CoupleGetGiven(c, &given));
   if (c->force_form == FORCE_VOLUME)

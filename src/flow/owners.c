@@ -141,9 +141,10 @@ PetscErrorCode FlowGetGiven(Flow f, const void *except, const PetscReal u[], Pet
   for (PetscInt i = 0; i < o->nterms; i++) n += o->terms[i].owner != except;
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, given));
-  for (PetscInt i = 0; i < o->nforces; i++)
-    for (PetscInt j = 0; j < f->loc->nnode_all * f->loc->dim && o->forces[i].owner != except; j++)
-      (*given)[j] += o->forces[i].f[j];
+  for (PetscInt i = 0; i < o->nforces; i++) {
+    if (o->forces[i].owner == except) continue;
+    for (PetscInt j = 0; j < f->loc->nnode_all * f->loc->dim; j++) (*given)[j] += o->forces[i].f[j];
+  }
   for (PetscInt i = 0; i < o->nterms; i++)
     if (o->terms[i].owner != except) subtract_terms(f->loc, o->terms + i, u, *given);
   PetscFunctionReturn(PETSC_SUCCESS);
