@@ -150,6 +150,15 @@ static inline void MeshCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, P
 {
   if (l->hang && l->hang[c]) MeshHangGather(l->hang[c], bs, v);
 }
+/* Values v [nb][bs] of a nodal array [nnode_all][bs] at the positions of cell c */
+static inline void MeshCellValues(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
+{
+  const PetscInt *node = l->cell_node + c * l->nb;
+
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < bs; a++) v[j * bs + a] = nodal[node[j] * bs + a];
+  MeshCellGather(l, c, bs, v);
+}
 static inline void MeshCellScatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal r[])
 {
   if (l->hang && l->hang[c]) MeshHangScatter(l->hang[c], bs, r);

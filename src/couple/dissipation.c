@@ -40,12 +40,10 @@ PetscErrorCode CoupleViscousPower(Couple c, const PetscReal viscosity[], const P
   PetscFunctionBeginUser;
   *power = 0;
   for (PetscInt e = 0; e < l->ncell; e++) {
-    const PetscInt *node = l->cell_node + e * l->nb;
-    PetscReal       xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB];
+    PetscReal xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB];
 
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
-    for (PetscInt i = 0; i < dim * l->nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
-    MeshCellGather(l, e, dim, v);
+    MeshCellValues(l, e, dim, u, v);
     *power += dissipation_of_cell(dim, viscosity[e], xc, v);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -189,8 +189,7 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
 
     if (k < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
-    for (PetscInt j = 0; j < dim * nb; j++) v[j] = u[dim * l->cell_node[nb * e + j / dim] + j % dim];
-    MeshCellGather(l, e, dim, v);
+    MeshCellValues(l, e, dim, u, v);
     for (PetscInt q = 0; q < nb; q++) {
       PetscReal       phi[MESH_MAX_NB];
       const PetscReal w = ElementGaussPoint(dim, xc, q, phi) * (f->fraction ? f->fraction[e] : 1);

@@ -126,10 +126,11 @@ static void pull_ends(CoupleDrops *f, const MeshLocal *l, const PetscInt node[],
   for (PetscInt j = 0; j < 3; j += 2) {
     const PetscInt  i    = node[slot[j]];
     const PetscReal away = MeshNearest(l, a, l->x_start[2 * i + a] - l->x_start[2 * node[slot[1]] + a]);
+    const PetscReal end  = away > 0 ? pull : -pull;
 
     if (!DropsIsInterface(l, f->cell_drop, i)) continue;
-    f->force[2 * i + a] += (away > 0 ? 1 : -1) * pull;
-    f->wall[side].pull[a] += (away > 0 ? 1 : -1) * pull;
+    f->force[2 * i + a] += end;
+    f->wall[side].pull[a] += end;
   }
 }
 
@@ -203,13 +204,12 @@ static PetscErrorCode sum_friction(const CoupleDrops *f, Couple c, PetscInt cell
                                    PetscReal (*force)[3])
 {
   const MeshLocal *l   = c->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cell * nb;
+  const PetscInt   dim = l->dim, nb = l->nb;
   PetscReal        xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt i = 0; i < dim * nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
-  MeshCellGather(l, cell, dim, v);
+  MeshCellValues(l, cell, dim, u, v);
   for (PetscInt e = 0; e < 2 * dim; e++) {
     PetscReal      M[MESH_MAX_NB * MESH_MAX_NB] = {0};
     const PetscInt side                         = add_friction(f, l, cell, e, xc, M);

@@ -270,8 +270,8 @@ static PetscErrorCode assemble(Couple c, void *data)
 
 /* e->load [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
    bodies (of free ones it is part of the force): (fs - K u_s) at its nodes times the part of them that moves with such
-   nodes of the flow, and its inertia and weight there. e->supplied: the power of what prescribes the others, against
-   that */
+   nodes of the flow, and its inertia and weight, at all nodes (CoupleGetGiven). e->supplied: the power of what
+   prescribes the others, against that */
 static PetscErrorCode measure_force(Elastic *e, Couple c)
 {
   const MeshLocal     *l   = c->loc;

@@ -83,8 +83,7 @@ static PetscErrorCode subtract_cell(const Elastic *e, Couple c, PetscInt cell, c
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt j = 0; j < nb * dim; j++) uc[j] = u[dim * c->loc->cell_node[cell * nb + j / dim] + j % dim];
-  MeshCellGather(c->loc, cell, dim, uc);
+  MeshCellValues(c->loc, cell, dim, u, uc);
   ElementSetMetric(t, xc, &metric);
   for (PetscInt q = 0; q < t->nq; q++) {
     const PetscReal w = c->par->density * metric.weight[q], *phi = t->phi + q * t->nbp;

@@ -47,8 +47,7 @@ static PetscErrorCode add_gradients(Couple c, PetscInt e, const PetscInt body[],
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(c->mesh, e, xc));
-  for (PetscInt j = 0; j < nb; j++) t[j] = T[node[j]];
-  MeshCellGather(l, e, 1, t);
+  MeshCellValues(l, e, 1, T, t);
   for (PetscInt face = 0; face < 2 * dim; face++) {
     PetscBool on = PETSC_TRUE;
     PetscInt  slot[SIDE_MAX];

@@ -294,9 +294,7 @@ static PetscErrorCode carry(Start *s, const Passenger *p)
 
   PetscFunctionBeginUser;
   ElementBasis(dim, p->xi, phi, dphi);
-  for (PetscInt j = 0; j < l->nb; j++)
-    PetscCall(PetscArraycpy(v + j * dim, s->before + l->cell_node[p->from * l->nb + j] * dim, dim));
-  MeshCellGather(l, p->from, dim, v);
+  MeshCellValues(l, p->from, dim, s->before, v);
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < dim; a++) out[a] += phi[j] * v[j * dim + a];
   ConstraintRigidAt(l, i, p->P, R);

@@ -157,7 +157,7 @@ PetscErrorCode FlowCellLatticeMatrix(Flow f, PetscInt c, PetscReal ce[])
   PetscFunctionBeginUser;
   PetscCall(FlowCellMetric(f, c, &m));
   if (f->par.convection) {
-    FlowCellGather(l, c, f->w, wl);
+    MeshCellValues(l, c, l->dim, f->w, wl);
     for (PetscInt i = 0; i < size; i++) wl[i] *= FlowDensity(f, c) * s->theta;
   }
   ElementOperator(&f->element, &m, FlowDensity(f, c) * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL,

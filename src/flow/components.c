@@ -140,7 +140,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(n, rows * rows));
-  if (u) FlowCellGather(f->loc, c, u, ul);
+  if (u) MeshCellValues(f->loc, c, f->loc->dim, u, ul);
   PetscCall(FlowCellMetric(f, c, &m));
   if (u && f->par.convection) add_convective(f, c, &m, ul, n);
   if (f->material && f->material->tangent) (*f->material->tangent)(f, c, &m, u ? ul : NULL, n);

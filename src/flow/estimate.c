@@ -51,8 +51,8 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(e->f->mesh, c, cell->x));
-  FlowCellGather(l, c, e->u, cell->u);
-  if (e->f->force.source) FlowCellGather(l, c, e->f->force.source, cell->source);
+  MeshCellValues(l, c, l->dim, e->u, cell->u);
+  if (e->f->force.source) MeshCellValues(l, c, l->dim, e->f->force.source, cell->source);
   centre  = cell->x + (nb / 2) * dim;
   cell->h = e->f->cells.size[c];
   for (PetscInt j = 0; j < nb; j++) {

@@ -124,7 +124,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   ElementMetric    m;
 
   PetscFunctionBeginUser;
-  FlowCellGather(l, c, u, ul);
+  MeshCellValues(l, c, l->dim, u, ul);
   PetscCall(PetscArraycpy(al, alpha, nb));
   MeshCellGather(l, c, 1, al);
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));

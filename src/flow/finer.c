@@ -115,8 +115,8 @@ static PetscErrorCode gather(FlowFiner s, PetscInt c, const PetscReal u[], const
   cell->t = &s->t;
   cell->h = s->f->cells.size[c];
   PetscCall(MeshCellCoordinates(s->f->mesh, c, cell->x));
-  FlowCellGather(s->l, c, u, cell->u);
-  if (s->f->force.source) FlowCellGather(s->l, c, s->f->force.source, cell->source);
+  MeshCellValues(s->l, c, s->l->dim, u, cell->u);
+  if (s->f->force.source) MeshCellValues(s->l, c, s->l->dim, s->f->force.source, cell->source);
   else PetscCall(PetscArrayzero(cell->source, s->l->nb * s->l->dim));
   PetscCall(PetscArraycpy(cell->p, p + c * nk, nk));
   for (PetscInt i = 0; i < s->t.nw; i++) {
@@ -281,7 +281,7 @@ PetscErrorCode FlowFinerFind(FlowFiner s, const PetscReal u[], const PetscReal p
     FinerAnswer(&cell, &found, answer, source + c * (l->dim + 1), &sums);
     subtract(l, c, answer, load);
     if (s->sweeps == 0 || !s->f->par.convection) continue;
-    FlowCellGather(l, c, s->solution, moved);
+    MeshCellValues(l, c, l->dim, s->solution, moved);
     for (PetscInt i = 0; i < l->nb * l->dim; i++) moved[i] = cell.u[i] - moved[i];
     FinerConvect(&cell, moved, r); /* a system that is linear about the solution lacks it */
     subtract(l, c, r, load);

@@ -287,14 +287,6 @@ static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g
       for (PetscInt b = 0; b < dim; b++) grad[a][b] += g[b][j] * ul[j * dim + a];
 }
 
-/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the lattice points of cell c. */
-static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
-{
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
-  MeshCellGather(l, c, l->dim, vl);
-}
-
 /* Node at lattice position j of local cell c, -1 where none is. */
 static inline PetscInt FlowCellNode(const MeshLocal *l, PetscInt c, PetscInt j)
 {

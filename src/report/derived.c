@@ -83,10 +83,7 @@ PetscErrorCode DerivedVorticity(Mesh mesh, const PetscReal u[], PetscReal w[])
     const PetscInt *node = m->cell_node + c * m->nb;
 
     PetscCall(MeshCellCoordinates(mesh, c, xc));
-    for (PetscInt j = 0; j < m->nb; j++) {
-      for (PetscInt d = 0; d < m->dim; d++) uc[j * m->dim + d] = u[node[j] * m->dim + d];
-    }
-    MeshCellGather(m, c, m->dim, uc);
+    MeshCellValues(m, c, m->dim, u, uc);
     for (PetscInt j = 0; j < m->nb; j++) {
       if (hangs(m, c, j)) continue; /* the large cell speaks for its nodes */
       curl_at_node(m->dim, j, xc, uc, r);

@@ -140,9 +140,7 @@ PetscErrorCode ProbesStep(Probes p)
     PetscReal ul[MESH_MAX_NB * 3];
 
     if (p->cell[i] < 0) continue;
-    for (PetscInt j = 0; j < l->nb * p->dim; j++)
-      ul[j] = u[l->cell_node[p->cell[i] * l->nb + j / p->dim] * p->dim + j % p->dim];
-    MeshCellGather(l, p->cell[i], p->dim, ul);
+    MeshCellValues(l, p->cell[i], p->dim, u, ul);
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < p->dim; a++) p->v[i * p->dim + a] += p->phi[i * l->nb + j] * ul[j * p->dim + a];
   }

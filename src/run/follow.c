@@ -37,8 +37,7 @@ static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c,
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(MeshCellCoordinates(mesh, c, xc));
-  for (PetscInt j = 0; j < l->nb * l->dim; j++) uc[j] = u[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim];
-  MeshCellGather(l, c, l->dim, uc);
+  MeshCellValues(l, c, l->dim, u, uc);
   for (PetscInt a = 0; a < l->dim; a++) {
     const PetscReal r = xc[(l->nb / 2) * l->dim + a] - s->x[k][a];
 

@@ -167,8 +167,8 @@ void ScalarCellGetInput(Scalars all, const Scalar *s, PetscInt c, ScalarCellInpu
   in->decay = (in->acts ? s->decay : 0) + (s->cells.decay ? s->cells.decay[c] : 0);
   if (!in->acts) return;
   for (PetscInt j = 0; j < all->loc->nb; j++) in->q[j] = in->slope[j] = 0;
-  if (s->input.q) ScalarCellGather(all->loc, c, 1, s->input.q, in->q);
-  if (s->input.slope) ScalarCellGather(all->loc, c, 1, s->input.slope, in->slope);
+  if (s->input.q) MeshCellValues(all->loc, c, 1, s->input.q, in->q);
+  if (s->input.slope) MeshCellValues(all->loc, c, 1, s->input.slope, in->slope);
 }
 
 PetscReal ScalarSamplePart(const Scalar *s, PetscInt c, PetscInt k)
@@ -275,8 +275,8 @@ static PetscErrorCode add_history(Scalars all, const Scalar *s, PetscInt c, Scal
   PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB], d[MESH_MAX_NB], y[MESH_MAX_NB], z[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  ScalarCellGather(l, c, 1, s->T, now);
-  ScalarCellGather(l, c, 1, s->T_old, old);
+  MeshCellValues(l, c, 1, s->T, now);
+  MeshCellValues(l, c, 1, s->T_old, old);
   for (PetscInt j = 0; j < nb; j++) d[j] = p->d0 * now[j] + p->d1 * old[j];
   multiply(nb, nbp, cell->M, d, y);
   for (PetscInt j = 0; j < nb; j++) cell->f[j] += y[j];
@@ -297,7 +297,7 @@ PetscErrorCode ScalarCellMatrices(Scalars all, const Scalar *s, PetscInt c, Scal
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(cell->f, nb));
-  if (s->w) ScalarCellGather(l, c, l->dim, s->w, wl);
+  if (s->w) MeshCellValues(l, c, l->dim, s->w, wl);
   if (sample >= 0) {
     PetscCall(ScalarCellCoordinates(all, c, xc));
     PetscCall(PetscArrayzero(cell->A, nb * nbp));

@@ -156,7 +156,7 @@ PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[]
     const PetscInt c = s->growth_cell[k];
     PetscReal      vc[MESH_MAX_NB * 3];
 
-    ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
+    MeshCellValues(all->loc, c, all->loc->dim, V, vc);
     PetscCall(add_growth(all, s, c, !skip || skip[c] < 0 ? vc : NULL, sum));
   }
   for (PetscInt k = 0; k < all->nface; k++) {
@@ -165,7 +165,7 @@ PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[]
     PetscReal      vc[MESH_MAX_NB * 3], through = 0;
 
     if (c >= all->loc->ncell || !ScalarCellIsActive(s, c) || (skip && skip[c] >= 0)) continue;
-    ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
+    MeshCellValues(all->loc, c, all->loc->dim, V, vc);
     for (PetscInt j = 0; j < all->loc->nb * all->loc->dim; j++) moves = (PetscBool)(moves || vc[j] != 0);
     if (!moves) continue;
     PetscCall(measure_through(all, s, c, all->face[k].side, vc, &through));

@@ -207,16 +207,6 @@ PetscErrorCode ScalarCellMetric(Scalars, PetscInt c, ElementMetric *);
 PetscErrorCode ScalarCellLinear(Scalars, const Scalar *, PetscInt c, PetscReal linear[]);
 /* r [nb] = scale int phi_i v over a cell, v [nb] at its lattice points */
 PetscErrorCode ScalarCellIntegrate(Scalars, PetscInt c, PetscReal scale, const PetscReal v[], PetscReal r[]);
-/* Values of a nodal array at its lattice points, v [nb][bs] */
-static inline void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
-{
-  const PetscInt *node = l->cell_node + c * l->nb;
-
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < bs; a++) v[j * bs + a] = nodal[node[j] * bs + a];
-  MeshCellGather(l, c, bs, v);
-}
-
 /* points.c: points of a cell at which terms are summed: its samples, or those of the element */
 typedef struct {
   const ScalarSamples *sample;              /* NULL: it has none, */

@@ -157,7 +157,7 @@ static PetscErrorCode sum_gradients(Scalars all, const Scalar *s, PetscReal sum[
 
     for (PetscInt j = 0; j < l->nb && !is_plain(s, c); j++) sum[l->cell_node[c * l->nb + j] * NUMBERS + OTHERS]++;
     if (!is_plain(s, c)) continue;
-    ScalarCellGather(l, c, 1, s->x, x);
+    MeshCellValues(l, c, 1, s->x, x);
     PetscCall(find_gradients(all, s, c, x, g));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt node = ScalarLimitNode(l, c, j);
@@ -321,7 +321,7 @@ static PetscErrorCode find_bounds(Scalars all, Scalar *s)
     PetscReal      x[MESH_MAX_NB];
 
     if (!ScalarCellIsActive(s, c)) continue;
-    ScalarCellGather(l, c, 1, s->x, x);
+    MeshCellValues(l, c, 1, s->x, x);
     for (PetscInt j = 0; j < l->nb; j++) node[j] = ScalarLimitNode(l, c, j);
     add_bounds(all, s, c, node, x, s->limit.bound);
   }
@@ -431,7 +431,7 @@ static PetscErrorCode find_cells(Scalars all, const Scalar *s, ScalarLimits *lim
     PetscReal w[MESH_MAX_NB * 3], peclet = 0;
 
     if (!is_plain(s, c)) continue;
-    ScalarCellGather(l, c, l->dim, s->w, w);
+    MeshCellValues(l, c, l->dim, s->w, w);
     PetscCall(find_peclet(all, s, c, w, &peclet));
     limit->peclet[c] = PetscMin(1, PetscMax(0, peclet / PECLET - 1));
     largest          = PetscMax(largest, limit->peclet[c]);

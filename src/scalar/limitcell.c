@@ -30,9 +30,9 @@ void ScalarLimitValues(Scalars all, const Scalar *s, PetscInt c, const PetscReal
   const ScalarStep *p = &all->step;
   PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB];
 
-  ScalarCellGather(all->loc, c, 1, nodal, x);
-  ScalarCellGather(all->loc, c, 1, s->T, now);
-  ScalarCellGather(all->loc, c, 1, s->T_old, old);
+  MeshCellValues(all->loc, c, 1, nodal, x);
+  MeshCellValues(all->loc, c, 1, s->T, now);
+  MeshCellValues(all->loc, c, 1, s->T_old, old);
   for (PetscInt j = 0; j < all->loc->nb; j++) {
     r[j]    = p->ct * x[j] - p->d0 * now[j] - p->d1 * old[j];
     node[j] = ScalarLimitNode(all->loc, c, j);

@@ -85,7 +85,7 @@ static void add_exchange(Scalars all, const Scalar *s, PetscReal scale, const Pe
     const ScalarLumpCell *e = s->lump_cell + i;
     PetscReal             at[MESH_MAX_NB], r[MESH_MAX_NB], all_of_it = e->whole * T[e->lump];
 
-    ScalarCellGather(l, e->cell, 1, v, at);
+    MeshCellValues(l, e->cell, 1, v, at);
     for (PetscInt j = 0; j < l->nb; j++) {
       r[j] = -scale * e->each[j] * T[e->lump];
       all_of_it -= e->each[j] * at[j];

@@ -184,7 +184,7 @@ static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscR
   for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || s->owner[node[j]] >= 0);
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarCellSet(all, s, c, &cell));
-  ScalarCellGather(l, c, 1, s->x, x);
+  MeshCellValues(l, c, 1, s->x, x);
   for (PetscInt i = 0; i < l->nb; i++) {
     r[i] = -cell.f[i];
     for (PetscInt j = 0; j < l->nb; j++) r[i] += cell.A[i * all->element.nbp + j] * x[j];
@@ -216,7 +216,7 @@ static PetscErrorCode find_effective(Scalars all, const Scalar *s, ScalarBalance
 
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(ScalarCellSet(all, &still, c, &cell));
-    ScalarCellGather(l, c, 1, s->x, v);
+    MeshCellValues(l, c, 1, s->x, v);
     for (PetscInt j = 0; j < nb; j++) v[j] += cell.linear[j];
     for (PetscInt i = 0; i < nb * nb; i++) {
       const PetscInt at = i / nb * all->element.nbp + i % nb;

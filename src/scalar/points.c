@@ -39,13 +39,13 @@ PetscErrorCode ScalarCellValues(Scalars all, const Scalar *s, PetscInt c, Scalar
   const ScalarStep *p = &all->step;
 
   PetscFunctionBeginUser;
-  ScalarCellGather(l, c, 1, s->x, v->x);
-  ScalarCellGather(l, c, 1, s->T, v->now);
-  ScalarCellGather(l, c, 1, s->T_old, v->old);
+  MeshCellValues(l, c, 1, s->x, v->x);
+  MeshCellValues(l, c, 1, s->T, v->now);
+  MeshCellValues(l, c, 1, s->T_old, v->old);
   PetscCall(ScalarCellLinear(all, s, c, v->linear));
   for (PetscInt j = 0; j < l->nb; j++) v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * v->now[j] + v->linear[j];
   v->convects = (PetscBool)(s->w != NULL);
-  if (s->w) ScalarCellGather(l, c, l->dim, s->w, v->w);
+  if (s->w) MeshCellValues(l, c, l->dim, s->w, v->w);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -313,8 +313,8 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, co
 
     if (scale == 0) continue;
     PetscCall(ScalarCellLinear(all, s, c, linear));
-    ScalarCellGather(l, c, 1, s->T, now);
-    ScalarCellGather(l, c, 1, s->T_old, old);
+    MeshCellValues(l, c, 1, s->T, now);
+    MeshCellValues(l, c, 1, s->T_old, old);
     for (PetscInt j = 0; j < nb; j++)
       now[j] += all->step.extrapolation * (now[j] - old[j]) - s->par.reference + linear[j];
     PetscCall(ScalarCellIntegrate(all, c, scale, now, r));

@@ -71,7 +71,7 @@ static PetscReal interpolate(const MeshLocal *l, PetscInt c, const PetscReal nod
 {
   PetscReal v[MESH_MAX_NB], value = 0;
 
-  ScalarCellGather(l, c, 1, nodal, v);
+  MeshCellValues(l, c, 1, nodal, v);
   for (PetscInt j = 0; j < l->nb; j++) value += phi[j] * v[j];
   return value;
 }

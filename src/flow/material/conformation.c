@@ -93,9 +93,9 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
     ElementMetric m;
 
     if (f->cells.det[c] == 0) continue;
-    FlowCellGather(l, c, w, wl);
-    ProjectionGather(l, c, nc, psi, pl);
-    if (g) ProjectionGather(l, c, nc, g, gl);
+    MeshCellValues(l, c, l->dim, w, wl);
+    MeshCellValues(l, c, nc, psi, pl);
+    if (g) MeshCellValues(l, c, nc, g, gl);
     PetscCall(ProjectionMetric(&s->projection, c, &m));
     PetscCall(PetscArrayzero(rl, l->nb * nc));
     if (l->dim == 2) integrate_convection(2, 9, 4, f, &m, wl, pl, g ? gl : NULL, rl);
@@ -194,7 +194,7 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
       ElementMetric m;
 
       if (f->cells.det[c] == 0) continue;
-      FlowCellGather(l, c, s->w[side], wl);
+      MeshCellValues(l, c, l->dim, s->w[side], wl);
       PetscCall(FlowCellMetric(s->f, c, &m));
       for (PetscInt q = 0; q < f->element.nq; q++)
         top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, derivative) / COURANT);

@@ -194,7 +194,7 @@ static PetscErrorCode update_cell(Flow f, PetscInt c)
   Gradients       grad;
 
   PetscFunctionBeginUser;
-  FlowCellGather(f->loc, c, f->viscosity.velocity, ul);
+  MeshCellValues(f->loc, c, f->loc->dim, f->viscosity.velocity, ul);
   PetscCall(FlowCellMetric(f, c, &m));
   find_gradients(&f->element, &m, ul, grad);
   if (law->damped) PetscCall(find_wall_units(f, c, ul, y_plus));
@@ -239,7 +239,7 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
   Gradients            now, old;
 
   if (f->cells.det[c] == 0) return;
-  FlowCellGather(f->loc, c, f->viscosity.velocity, before);
+  MeshCellValues(f->loc, c, f->loc->dim, f->viscosity.velocity, before);
   find_gradients(t, m, before, old);
   if (ul) find_gradients(t, m, ul, now);
   for (PetscInt q = 0; q < t->nq; q++) {

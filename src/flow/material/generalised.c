@@ -25,7 +25,7 @@ static PetscErrorCode compute_rates(Flow f, PetscReal *rate_max)
     ElementMetric m;
 
     if (f->cells.det[c] == 0) continue; /* no cell of the fluid */
-    FlowCellGather(l, c, f->viscosity.velocity, ul);
+    MeshCellValues(l, c, l->dim, f->viscosity.velocity, ul);
     PetscCall(FlowCellMetric(f, c, &m));
     for (PetscInt q = 0; q < nq; q++) {
       FlowGradients g;

@@ -191,7 +191,7 @@ PetscErrorCode ProjectionGradient(const Projection *p, const PetscReal u[], Pets
     ElementMetric m;
 
     if (f->cells.det[c] == 0) continue;
-    FlowCellGather(l, c, u, ul);
+    MeshCellValues(l, c, l->dim, u, ul);
     PetscCall(ProjectionMetric(p, c, &m));
     PetscCall(PetscArrayzero(rl, l->nb * n));
     for (PetscInt q = 0; q < f->element.nq; q++) {

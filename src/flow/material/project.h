@@ -34,14 +34,7 @@ PetscErrorCode ProjectionGradient(const Projection *, const PetscReal u[], Petsc
 /* Is local node i one of the surface of a body? */
 PetscBool ProjectionIsSurface(const Projection *, PetscInt i);
 
-/* Values of a nodal field [nnode_all][bs] at the lattice points of cell c, and back by addition */
-static inline void ProjectionGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal v[], PetscReal vl[])
-{
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt k = 0; k < bs; k++) vl[j * bs + k] = v[l->cell_node[c * l->nb + j] * bs + k];
-  MeshCellGather(l, c, bs, vl);
-}
-
+/* Values rl [nb][bs] at the lattice points of cell c, added to a nodal field [nnode_all][bs] */
 static inline void ProjectionScatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal rl[], PetscReal r[])
 {
   MeshCellScatter(l, c, bs, rl);

@@ -74,7 +74,7 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
 
   if (f->cells.det[c] == 0) return;
   any = gather_polymer(f, c, T, G);
-  FlowCellGather(f->loc, c, f->u, un);
+  MeshCellValues(f->loc, c, f->loc->dim, f->u, un);
   get_stiffness(f, c, E);
   PetscCallAbort(PETSC_COMM_SELF, PetscArraycpy(F, E, n));
   combine_polymer(nb * n, devss, G, T);
@@ -144,7 +144,7 @@ static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMe
   get_stiffness(f, c, E);
   add_product(dim, 1, grad, E, s);
   for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= devss;
-  FlowCellGather(f->loc, c, f->u, un);
+  MeshCellValues(f->loc, c, f->loc->dim, f->u, un);
   ElementGradients(&f->element, m, q, g);
   FlowVelocityGradient(f, g, un, before);
   add_product(dim, -1, before, E, s);
