@@ -13,15 +13,19 @@ static void shift_moments(PetscInt dim, SolidSums *s)
   for (PetscInt e = 0; e < 6; e++) s->second[e] -= s->volume * (s->centroid[ROW[e]] * s->centroid[COLUMN[e]]);
 }
 
-/* What a quadrature point counts of integrals of 1, x, x x over the volume: of a membrane, around which div (x f) is
-   (dim + degree) f, through its surface */
-static void get_volumes(const SolidMesh *m, const PetscReal F[], PetscReal J, const PetscReal x[3], PetscReal dV[3])
+/* Quadrature point q of a cell with nodes xc: F, J, where it is, and what it counts of integrals of 1, x, x x over the
+   volume: of a membrane, around which div (x f) is (dim + degree) f, through its surface */
+static PetscReal find_point(const SolidMesh *m, PetscInt c, PetscInt q, const PetscReal xc[], PetscReal F[9],
+                            PetscReal x[3], PetscReal dV[3])
 {
-  PetscReal normal[3];
+  const PetscReal J = SolidGradient(m, c, q, xc, F);
+  PetscReal       normal[3];
 
+  SolidLocate(m, q, xc, x);
   if (SolidIsMembrane(m)) MembraneNormal(m->dim, F, normal);
   for (PetscInt degree = 0; degree < 3; degree++)
     dV[degree] = SolidIsMembrane(m) ? dot3(x, normal) / (PetscReal)(m->dim + degree) : J;
+  return J;
 }
 
 void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const PetscReal x[], SolidSums *s)
@@ -36,10 +40,9 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
     SolidGather(m, c, x, xc);
     for (PetscInt q = 0; q < m->nq; q++) {
       const PetscReal w = m->weight[c * m->nq + q];
-      PetscReal       F[9], at[3], dV[3], J = SolidGradient(m, c, q, xc, F);
+      PetscReal       F[9], at[3], dV[3];
+      const PetscReal J = find_point(m, c, q, xc, F, at, dV);
 
-      SolidLocate(m, q, xc, at);
-      get_volumes(m, F, J, at, dV);
       s->volume += w * dV[0];
       for (PetscInt a = 0; a < dim; a++) s->centroid[a] += w * dV[1] * at[a];
       for (PetscInt e = 0; e < 6; e++) s->second[e] += w * dV[2] * at[ROW[e]] * at[COLUMN[e]];
@@ -66,10 +69,9 @@ PetscReal SolidFindVolume(const SolidMesh *m, const PetscReal x[], PetscReal cen
     SolidGather(m, c, x, xc);
     for (PetscInt q = 0; q < m->nq; q++) {
       const PetscReal w = m->weight[c * m->nq + q];
-      PetscReal       F[9], at[3], dV[3], J = SolidGradient(m, c, q, xc, F);
+      PetscReal       F[9], at[3], dV[3];
 
-      SolidLocate(m, q, xc, at);
-      get_volumes(m, F, J, at, dV);
+      (void)find_point(m, c, q, xc, F, at, dV);
       volume += w * dV[0];
       for (PetscInt a = 0; a < m->dim; a++) centroid[a] += w * dV[1] * at[a];
     }

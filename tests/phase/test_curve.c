@@ -200,24 +200,33 @@ static const char OPTIONS[] =
   "-particle_a_position 0,0 -particle_b_position 3,0 -particle_a_material fluid -particle_b_material fluid "
   "-particle_a_surface_tension 1 -particle_b_surface_tension 1";
 
+/* These two drops, and the interface that they start with */
+static DropsState *start(Drops *drops, PhaseInterface *from)
+{
+  const PhaseBox box = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
+  DropsState    *s;
+
+  *from = (PhaseInterface){.sheet = {0}};
+  (void)PetscOptionsInsertString(NULL, OPTIONS);
+  assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, drops));
+  assert_true(!DropsGetState(*drops, &s));
+  assert_true(!DropsStart(*drops, &box, &from->curve));
+  return s;
+}
+
 /* A drop breaks into two, the larger keeps the number; what is left of nothing is lost */
 static void test_descent(void **state)
 {
   const PetscReal of[2][5]  = {{-0.4, 0, 0.3, 0.3, 1}, {0.5, 0, 0.5, 0.5, 1}};
   const PetscInt  part[2]   = {0, 1};
   const PetscReal volume[2] = {PETSC_PI * 0.09, PETSC_PI * 0.25};
-  const PhaseBox  box       = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
   PetscInt        number[2];
   PetscBool       changed;
-  PhaseInterface  from = {.sheet = {0}}, now = {.curve = ellipses(2, of, part)};
+  PhaseInterface  from, now = {.curve = ellipses(2, of, part)};
   Drops           drops;
-  DropsState     *s;
+  DropsState     *s = start(&drops, &from);
 
   (void)state;
-  (void)PetscOptionsInsertString(NULL, OPTIONS);
-  assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
-  assert_true(!DropsGetState(drops, &s));
-  assert_true(!DropsStart(drops, &box, &from.curve));
   NEAR(from.curve.area[0], PETSC_PI, 1e-8);
   assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
   assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 0 && number[1] == 0 && number[0] == 2);
@@ -236,19 +245,14 @@ static void test_exchange(void **state)
   const PetscReal of[2][5]  = {{-0.5, 0, 0.4, 0.4, 1}, {2.1, 0, 1.9, 0.9, 1}};
   const PetscInt  part[2]   = {0, 1};
   const PetscReal volume[2] = {PETSC_PI * 0.16, PETSC_PI * 1.71};
-  const PhaseBox  box       = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
   PetscInt        number[2];
   PetscBool       changed;
-  PhaseInterface  from = {.sheet = {0}}, now = {.curve = ellipses(2, of, part)};
+  PhaseInterface  from, now = {.curve = ellipses(2, of, part)};
   PhaseSums       sums[2];
   Drops           drops;
-  DropsState     *s;
+  DropsState     *s = start(&drops, &from);
 
   (void)state;
-  (void)PetscOptionsInsertString(NULL, OPTIONS);
-  assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
-  assert_true(!DropsGetState(drops, &s));
-  assert_true(!DropsStart(drops, &box, &from.curve));
   assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
   assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 1 && s->lost == 0);
   NEAR(s->drop[0].target + s->drop[1].target, 2 * PETSC_PI, 1e-6);
