@@ -148,6 +148,8 @@ PetscErrorCode ElasticAddPull(const Elastic *, PetscReal *size);
 /* Of the step solved: kinetic energy of what the flow does not count, strain energy, the power of the weight in excess
    of the fluid's and of what holds nodes of the flow. Collective, all ranks the same. */
 PetscErrorCode ElasticAddEnergy(const Elastic *, Couple, CouplePower *);
+/* 1/2 int |u|^2 of velocities u [nnode][dim] over the reference mesh of a solid, and int u; nothing of a membrane */
+PetscReal ElasticMotion(const SolidMesh *, const PetscReal u[], PetscReal sum[3]);
 /* Where the energy goes: their equations tested with the velocity of the end. Contact counts with the boundary method:
    it gives back what it took as bodies part. Collective. */
 PetscErrorCode ElasticAddLosses(const Elastic *, Couple, CoupleLosses *);

@@ -101,18 +101,10 @@ static PetscErrorCode subtract_cell(const Elastic *e, Couple c, PetscInt cell, c
 /* Of solid k what it has more than the fluid that counts in its place; an immersed one's excess does not change */
 static void add_solid(const Elastic *e, Couple c, PetscInt k, Momentum *to)
 {
-  const SolidMesh *m      = &e->s->group[e->s->group_of[k]].mesh;
-  PetscReal        sum[3] = {0, 0, 0};
+  const SolidMesh *m = &e->s->group[e->s->group_of[k]].mesh;
+  PetscReal        sum[3];
 
-  for (PetscInt cell = 0; cell < m->ncell; cell++) {
-    PetscReal uc[SOLID_MAX_N], v[3];
-
-    SolidGather(m, cell, e->s->u + m->dim * e->s->first[k], uc);
-    for (PetscInt q = 0; q < m->nq; q++) {
-      SolidLocate(m, q, uc, v);
-      for (PetscInt a = 0; a < m->dim; a++) sum[a] += m->weight[cell * m->nq + q] * v[a];
-    }
-  }
+  (void)ElasticMotion(m, e->s->u + m->dim * e->s->first[k], sum);
   for (PetscInt a = 0; a < m->dim && ElasticIsLined(e, k); a++) to->momentum[a] += c->par->density * sum[a];
   to->size += PetscAbsReal(ElasticExcess(e, c, k)) * PetscSqrtReal(dot3(sum, sum)) +
               STILL * e->s->group[e->s->group_of[k]].density * m->volume * c->loc->h / c->step->dt;

@@ -5,17 +5,15 @@
 #include "impl.h"
 #include "bodies/local.h"
 
-/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s; nothing of a membrane */
-static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
+PetscReal ElasticMotion(const SolidMesh *m, const PetscReal u[], PetscReal sum[3])
 {
-  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
-  PetscReal        half = 0;
+  PetscReal half = 0;
 
   for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
   for (PetscInt cell = 0; cell < m->ncell && !SolidIsMembrane(m); cell++) {
     PetscReal uc[SOLID_MAX_N], v[3];
 
-    SolidGather(m, cell, e->u + m->dim * e->s->first[k], uc);
+    SolidGather(m, cell, u, uc);
     for (PetscInt q = 0; q < m->nq; q++) {
       const PetscReal w = m->weight[cell * m->nq + q];
 
@@ -35,12 +33,15 @@ static void add_weight(const Elastic *e, Couple c, PetscInt k, const PetscReal s
   for (PetscInt a = 0; a < e->s->dim; a++) *power += ElasticExcess(e, c, k) * c->par->gravity[a] * sum[a];
 }
 
-/* motion [n][4] of all solids: what `kinetic` has of them */
+/* motion [n][4] of all solids: what ElasticMotion has of them at the end of the step solved */
 static PetscErrorCode find_motion(const Elastic *e, PetscReal motion[])
 {
+  const SolidsState *s = e->s;
+
   PetscFunctionBeginUser;
-  for (PetscInt k = e->s->own[0]; k < e->s->own[1]; k++) motion[4 * k] = kinetic(e, k, motion + 4 * k + 1);
-  PetscCall(SolidsExchange(e->s, 4, motion));
+  for (PetscInt k = s->own[0]; k < s->own[1]; k++)
+    motion[4 * k] = ElasticMotion(&s->group[s->group_of[k]].mesh, e->u + s->dim * s->first[k], motion + 4 * k + 1);
+  PetscCall(SolidsExchange(s, 4, motion));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
